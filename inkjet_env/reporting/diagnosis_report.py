@@ -52,6 +52,8 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
 
     environment = page_environment()
     tables, settings = tables_of(diagnosis), diagnosis.settings.verdict
+    mine = [r for r in diagnosis.recordings if r.channel == diagnosis.main_channel]
+    heldout = [r.name for r in mine if r.held_out]
     return environment.get_template("diagnosis.html").render(
         diagnosis=diagnosis,
         verdict=VERDICT_WORDS[diagnosis.verdict],
@@ -60,7 +62,8 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         augmented=augmented(diagnosis.recordings),
         explained=diagnosis.left_over <= settings.left_over,
         predicted=not diagnosis.closure < settings.least_closure,
-        heldout=[r.name for r in diagnosis.recordings if r.held_out and r.channel == diagnosis.main_channel],
+        heldout=heldout,
+        others=[r.name for r in mine if not r.held_out][-len(heldout) :],
         catalogue={effect.id: effect for effect in known_effects()},
         asked=[(one, drive_file(one, k)) for k, one in enumerate(diagnosis.next_experiments, start=1)],
         files=[head_file(diagnosis), fit_file(tables["channels"], diagnosis.verdict)],

@@ -266,6 +266,17 @@ def test_what_only_held_out_recordings_speak_against_is_told_as_that(named, undr
     assert [words in beside_more for words in told] == [False, True, True]
 
 
+def test_an_unknown_cause_names_the_recordings_to_hold_out_instead(named, undrawn):
+    mine = [r for r in named.recordings if r.channel == named.main_channel]
+    fitted, held_out = ([r.name for r in mine if r.held_out is which] for which in (False, True))
+    text = text_of(diagnosis_html(replace(named, verdict="unknown", effects=())))
+    told = re.search(r"let the fits see them: inkjet diagnose DIR --hold-out (\S+)", text)
+    assert told is not None
+    assert set(told[1].split(",")) <= set(fitted)
+    assert len(told[1].split(",")) == min(len(held_out), len(fitted))
+    assert "--hold-out" not in text_of(diagnosis_html(named))
+
+
 def test_a_page_does_not_doubt_what_its_verdict_names(named, undrawn):
     explains_held_out_after_refit = text_of(diagnosis_html(replace(named, closure=-1.64)))
     assert "but it explains them once it is fitted to them as well" in explains_held_out_after_refit
