@@ -44,7 +44,7 @@ def _bernstein_of_curvature() -> Real:
     return matrix
 
 
-def _table(a0: Real, a1: Real, b1: Real, full_scale_V: Real, degree: Real, slope: Real) -> Real:
+def assembled_table(a0: Real, a1: Real, b1: Real, full_scale_V: Real, degree: Real, slope: Real) -> Real:
     """Head table from columns of shape (n,) and the coefficients of ``Q'`` (n, MAX_DEGREE), lowest power first."""
     rows = np.empty((len(a0), compiled_edges.HEAD_COLUMNS))
     rows[:, compiled_edges.HEAD_A0], rows[:, compiled_edges.HEAD_A1], rows[:, compiled_edges.HEAD_B1] = a0, a1, b1
@@ -69,7 +69,7 @@ def head_table(printheads: Printhead | Sequence[Printhead]) -> Real:
     a0, a1, b1, full_scale_V, degree = np.array(
         [(h.a0, h.a1, h.b1, h.full_scale_V, len(h.coefficients) - 1) for h in heads]
     ).T
-    return _table(a0, a1, b1, full_scale_V, degree, slope)
+    return assembled_table(a0, a1, b1, full_scale_V, degree, slope)
 
 
 @lru_cache(maxsize=8)
@@ -123,12 +123,14 @@ def _cost_settings(cost: PeakCost) -> tuple[float, float, int, float, float]:
     return cost.A, cost.B, rule, threshold, float(cost.target_height_V)
 
 
-def _memory(initial_state: str, hysteresis: str) -> tuple[int, bool]:
+def memory_settings(initial_state: str, hysteresis: str) -> tuple[int, bool]:
+    """Warm-up periods, and whether one point alone is remembered, as the compiled functions take them."""
     check_name("hysteresis", hysteresis, ("full_memory", "one_point"))
     return periods_before_recording(initial_state), hysteresis == "one_point"
 
 
-def _rows(heads: Printhead | Real, count: int) -> Real:
+def head_rows(heads: Printhead | Real, count: int) -> Real:
+    """Head table of a head, or a given one; ``ValueError`` unless it has 1 or ``count`` rows."""
     rows = head_table(heads) if isinstance(heads, Printhead) else heads
     if rows.ndim != 2 or rows.shape[1] != compiled_edges.HEAD_COLUMNS or len(rows) not in (1, count):
         raise ValueError(f"heads must be a Printhead or a head table of 1 or {count} rows; got shape {rows.shape}.")
@@ -157,7 +159,7 @@ def prepare(
         Empty array for the costs, in volts.
     """
     values = as_waveform_array(waveforms)
-    rows = _rows(heads, len(values))
+    rows = head_rows(heads, len(values))
     cost = cost or PeakCost()
     longest_s = float(values[:, 2:].sum(axis=1).max(initial=0.0))
     period, window = window_in_train(window_s, period_s, earlier_drops, longest_s, initial_state)
@@ -165,7 +167,7 @@ def prepare(
     arguments = (
         values,
         rows,
-        *_memory(initial_state, hysteresis),
+        *memory_settings(initial_state, hysteresis),
         window,
         period,
         float(earlier_drops),
@@ -256,7 +258,7 @@ def peaks(
     hysteresis: str = "full_memory",
 ) -> tuple[Real, Real]:
     """Times in seconds and signed values in volts of every extremum, shape (k,): `Printhead.respond`, compiled."""
-    warm_up_periods, one_point = _memory(initial_state, hysteresis)
+    warm_up_periods, one_point = memory_settings(initial_state, hysteresis)
     row, window = head_table(head)[0], check_window(window_s)
     knots_s, knots_V = waveform.knots()
     pieces = np.empty((40, 6))

@@ -101,9 +101,9 @@ def _slopes(series, i, tau):
 
 @_internal
 def _split(series, i, third, stack, places, waiting, count):
-    """Halve a cell of lane i until each part holds no extremum or one, which then waits; False if `SPLITS` are too few.
+    """Halve a cell of lane i until each part holds no extremum or one, which then waits.
 
-    ``third`` bounds the third derivative on the cell.
+    False if `SPLITS` or `MOST_PEAKS` are too few. ``third`` bounds the third derivative on the cell.
     """
     low, g0, d0 = 0.0, series[LANES + i], 2.0 * series[2 * LANES + i]
     depth = 1
@@ -123,6 +123,8 @@ def _split(series, i, third, stack, places, waiting, count):
             depth += 1
             continue
         if crosses:
+            if count[i] == MOST_PEAKS:
+                return waiting, False
             start = _crossing(g0, d0, g1, d1, h)
             waiting = _wait(series, i, low + h * start, places, waiting, count)
         low, g0, d0 = high, g1, d1
@@ -203,7 +205,7 @@ def edge(cells, a0, a1, b1, duration, rate, degree, weights, y, slope, series, w
             while not (left >> i) & 1:
                 i += 1
             left &= left - 1
-            if count[i] >= MOST_PEAKS - SPLITS:
+            if count[i] > MOST_PEAKS - 2:
                 unsettled |= 1 << i
             elif (proven >> i) & 1:
                 for half in range(2):
@@ -224,7 +226,7 @@ def edge(cells, a0, a1, b1, duration, rate, degree, weights, y, slope, series, w
 
 @_internal
 def solve_waiting(terms, places, waiting, values, peaks):
-    """Find the extremum of each series in ``queue``, and put it into its place; the lanes where that fails."""
+    """Find the extremum of each series that waits, and put it into its place; the lanes where that fails."""
     queue, starts, slots = places
     failed = 0
     for group in range((waiting + LANES - 1) // LANES):

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import types
 from functools import cache
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from numba import cuda, float64
+from numba import config, cuda, float64
 from numba.core.dispatcher import Dispatcher
 from numpy.typing import ArrayLike
 
@@ -102,7 +103,7 @@ def costs(
     RuntimeError
         There is no graphics processor, and the simulator is not asked for.
     """
-    if not cuda.is_available():
+    if not (getattr(config, "ENABLE_CUDASIM", 0) or (find_spec("numba_cuda") and cuda.is_available())):
         raise RuntimeError(
             "no CUDA device is found: inkjet_env.printhead.cuda needs an NVIDIA driver and the extra cuda. "
             "Without them, inkjet_env.printhead.lanes is the fastest."

@@ -1,6 +1,6 @@
 """Peak costs of many waveforms with vector instructions: three times as fast as `batch.costs` on one core.
 
-The results agree with `batch.costs` within 1e-10 V, not bit for bit, and a waveform's last digits may depend on those
+The results agree with `batch.costs` within 3e-10 V, not bit for bit, and a waveform's last digits may depend on those
 beside it. So nothing in this package replaces `batch.costs` by it; it is for searches that evaluate millions.
 """
 
@@ -19,7 +19,7 @@ from inkjet_env.printhead.printhead import Printhead
 from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.typing import Real
 
-ALIKE, MOST_LEVELS = 16, 12
+_ALIKE, _MOST_LEVELS = 16, 12
 """Waveforms for each combination of durations of edges that is told apart, and most durations told apart."""
 
 
@@ -53,7 +53,7 @@ def costs(
             "lanes need a finite window_s, and the largest peak to be effective; batch.costs computes every cost."
         )
     kinds, keys = np.empty(len(rows), np.int8), np.empty(len(rows), np.int16)
-    levels = max(1, min(MOST_LEVELS, int((len(rows) / ALIKE) ** (1 / 3))))
+    levels = max(1, min(_MOST_LEVELS, int((len(rows) / _ALIKE) ** (1 / 3))))
     kinds_of(rows, table, window, levels, kinds, keys)
     again = kinds == SCALAR
     sorted_rows = np.argsort(keys, kind="stable")

@@ -70,7 +70,7 @@ class HeadParameters(NamedTuple):
         BranchLaw((*[0.0] * degree, 0.0), full_scale_V)  # the degree and the full scale
         slope = np.zeros((n, compiled_edges.MAX_DEGREE))
         slope[:, :degree] = coefficients[:, ::-1] * np.arange(1, degree + 1)
-        return batch._table(a0, a1, b1, np.full(n, full_scale_V), np.full(n, float(degree)), slope)
+        return batch.assembled_table(a0, a1, b1, np.full(n, full_scale_V), np.full(n, float(degree)), slope)
 
 
 def by_parameters(by_head: Real, degree: int) -> HeadParameters:
@@ -207,9 +207,9 @@ def _checked(
     waveforms: ArrayLike, heads: Real, time_s: ArrayLike, initial_state: str, hysteresis: str, period_s: float
 ) -> tuple[Real, Real, tuple[int, bool, float], Real]:
     values = as_waveform_array(waveforms)
-    rows = batch._rows(heads, len(values))
+    rows = batch.head_rows(heads, len(values))
     period = check_period(period_s, float(values[:, 2:].sum(axis=1).max(initial=0.0)), initial_state)
     times = np.ascontiguousarray(time_s, dtype=np.float64)
     if times.ndim != 1 or not np.isfinite(times).all() or (times < 0).any() or (np.diff(times) < 0).any():
         raise ValueError("time_s must be finite times in seconds, shape (k,), at least 0 and in ascending order.")
-    return values, rows, (*batch._memory(initial_state, hysteresis), period), times
+    return values, rows, (*batch.memory_settings(initial_state, hysteresis), period), times
