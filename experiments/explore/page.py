@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import panel as pn
+from tornado.ioloop import IOLoop
 
 from inkjet_env.experiments.explore.exploration import Exploration
 from inkjet_env.experiments.explore.heads_view import HeadsView
@@ -41,6 +42,7 @@ class Page:
         self._noting = threading.Lock()
         self._served_by = threading.get_ident()
         self._document = pn.state.curdoc
+        self._loop = None if self._document is None else IOLoop.current()
         self._tell("".join(exploration.trouble))
         for view in self.views.values():
             view.draw()
@@ -71,10 +73,14 @@ class Page:
         with self._noting:
             waiting = bool(self._due)
             self._due.add(view)
-        if self._document is None or self._makes_the_change():
+        if self._loop is None or self._makes_the_change():
             self.redraw()
         elif not waiting:
-            self._document.add_next_tick_callback(self.redraw)
+            # Only the loop asks the document: what another thread asks of it while it is drawn can be lost.
+            self._loop.add_callback(self._redraw_soon)
+
+    def _redraw_soon(self) -> None:
+        self._document.add_next_tick_callback(self.redraw)
 
     def _makes_the_change(self) -> bool:
         """Whether this tab is being served now: Bokeh's current document is that of all threads."""

@@ -1,6 +1,7 @@
 """The page without a browser: every view draws every state, and names are never markup."""
 
 import threading
+from types import SimpleNamespace
 
 import pytest
 
@@ -99,10 +100,10 @@ def test_another_thread_never_draws_and_is_never_forgotten(page, monkeypatch):
     from bokeh.document import Document
     from bokeh.io.doc import patch_curdoc
 
-    document, later, drawn = Document(), [], []
+    document, later, asked, drawn = Document(), [], [], []
     monkeypatch.setattr(Document, "session_context", True)
-    document.add_next_tick_callback = later.append
-    page._document = document
+    document.add_next_tick_callback = asked.append
+    page._document, page._loop = document, SimpleNamespace(add_callback=later.append)
     page.views["optimise"].draw = lambda: drawn.append(threading.current_thread())
 
     def tell_from_another_thread():
@@ -119,3 +120,6 @@ def test_another_thread_never_draws_and_is_never_forgotten(page, monkeypatch):
         page.exploration.changed("heads")
     assert drawn == [threading.current_thread()]
     assert len(later) == 2
+    assert asked == []  # a document that is being drawn can lose what another thread asks of it
+    later[0]()
+    assert asked == [page.redraw]
