@@ -49,6 +49,9 @@ def tune(
         ),
     ] = None,
     requests: Annotated[int, typer.Option(help="largest number of recordings to tell rival effects apart", min=0)] = 3,
+    refinements: Annotated[
+        int, typer.Option(help="largest number of further waveforms near the best one, each checked", min=0)
+    ] = 2,
     risk: Annotated[
         str, typer.Option(help="how a waveform is judged on the heads that remain possible: mean, cvar or worst")
     ] = "cvar",
@@ -119,7 +122,7 @@ def tune(
     driver = chosen_limits(limits)
     instruments = None if rig is None else _rig(rig, chosen_seed(seed), snr_db, driver)
     settings = TuneSettings(
-        requests, risk, budget, seed=chosen_seed(seed), frequency_Hz=frequency,
+        requests, refinements, risk, budget, seed=chosen_seed(seed), frequency_Hz=frequency,
         limits=driver if limits is not None or instruments is None else instruments.limits(),
         cost=chosen_cost((cost_a, cost_b, effective, target_height)),
         window_s=DEFAULT_WINDOW_S if window is None else window,
@@ -207,10 +210,13 @@ def _print(tuned: Tuned, folder: Path, waveform: Path | None) -> None:
         (
             f"{'→ ' if k == tuned.best else ''}{NAMES[one.name]}", f"{one.predicted_V:.3f}",
             f"{one.low_V:.3f} … {one.high_V:.3f}", f"{check.cost_V:.3f} ± {check.error_V:.3f}",
+            f"{check.worst_V:.3f}",
         )
         for k, (one, check) in enumerate(zip(tuned.proposals, tuned.checks, strict=True))
     ]  # fmt: skip
-    print_table(("best waveform of the", "predicted (V)", "90 % of the heads (V)", "on the head (V)"), rows)
+    print_table(
+        ("best waveform of the", "predicted (V)", "90 % of the heads (V)", "on the head (V)", "at worst (V)"), rows
+    )
     best = tuned.proposals[tuned.best]
     values = " ".join(f"{v:.6g}" for v in best.waveform)
     print(f"waveform U1 U2 t1 t2 t3 t4 t5: {values}")

@@ -60,11 +60,12 @@ def tuned(draw: Draw, folder: Path) -> dict[str, Any]:
         found = Session(session, settings, Exchange(session, ConcealedRig(plant)), workers=1).run()
         seconds = time.perf_counter() - begin_s
         truly = PlantObjective(plant)
-        points = {one.name: Bounds().to_unit(np.array(one.waveform)) for one in found.proposals}
+        names = [one.name if one.name != "refined" else f"refined-{k}" for k, one in enumerate(found.proposals)]
+        waveforms = [one.waveform for one in found.proposals]
+        points = {name: Bounds().to_unit(np.array(one)) for name, one in zip(names, waveforms, strict=True)}
         searched = ends_of_searches(truly, BUDGET, SEARCHES, draw.number)
         best = refined(truly, [*points.values(), *searched])[0]
         costs = {name: float(truly.evaluate(point)[0]) for name, point in points.items()}
-        chosen = found.proposals[found.best].name
         result = {
             "draw": draw.as_json(),
             "verdict": found.rounds[-1]["verdict"],
@@ -73,7 +74,7 @@ def tuned(draw: Draw, folder: Path) -> dict[str, Any]:
             "recordings": found.recordings,
             "seconds": seconds,
             "costs": costs,
-            "chosen": chosen,
+            "chosen": names[found.best],
             "measured_V": found.checks[found.best].cost_V,
             "oracle": min(float(truly.evaluate(best)[0]), *costs.values()),
         }

@@ -10,8 +10,19 @@ import numpy as np
 
 from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.proof.answering import ConcealedRig
-from inkjet_env.experiments.tuning.check import check_request, measured
-from inkjet_env.experiments.tuning.proposals import best_points, distinct, ends_of_searches, head_to_use, refined
+from inkjet_env.experiments.tuning.check import Measured, check_request, measured, seen
+from inkjet_env.experiments.tuning.proposals import (
+    best_of,
+    best_points,
+    distinct,
+    ends_of_searches,
+    head_to_use,
+    nearby,
+    objectives_of,
+    refined,
+)
+from inkjet_env.experiments.tuning.session import TuneSettings
+from inkjet_env.experiments.tuning.signal import Shown
 from inkjet_env.optimizers.loop import Objective
 from inkjet_env.plant.head_ensemble import ensemble_of
 from inkjet_env.plant.printhead_file import printhead_of
@@ -60,11 +71,10 @@ def reoptimised_costs(base: Mapping[str, Any], corrected: Mapping[str, Any], pla
     points = waveforms_of(base, corrected, seed)
     points["oracle"] = refined(truly, [*points.values(), *ends_of_searches(truly, BUDGET // 2, SEARCHES, seed)])[0]
     costs = {name: float(truly.evaluate(point)[0]) for name, point in points.items()}
-    objectives = objectives_of(base, corrected)
+    of = objectives(base, corrected)
     foretold = {
-        name: float(objectives[of].evaluate(points[name])[0])
-        for name, of in (("base", "base"), ("augmented", "fit"), ("robust", "robust"))
-        if of in objectives
+        name: float(of[model].evaluate(points[name])[0])
+        for name, model in (("base", "base"), ("augmented", "fit"), ("robust", "robust"))
     }
     waveforms = {name: Bounds().from_unit(point).tolist() for name, point in points.items()}
     return {**costs, "foretold": foretold, "waveforms": waveforms}
@@ -89,38 +99,50 @@ def checked(
     Returns
     -------
     dict
-        ``cost``: true peak cost of the chosen waveform in volts; ``chosen``; ``measured``: by name, cost as recorded
-        and its standard error.
+        ``cost``: true peak cost of the chosen waveform in volts; ``chosen``; ``waveforms`` that were checked, by name;
+        ``measured``: by name, cost as recorded, its standard error, and what it costs at worst.
     """
     before = printhead_of(base)
     assert isinstance(before, Printhead)
     head = head_to_use(corrected, before)
-    names = distinct({name: points[name] for name in ("robust", "augmented", "base")})
-    found = {}
-    for k, name in enumerate(names):
-        waveform = Waveform.from_array(Bounds().from_unit(points[name]))
+    problem = Problem("checked", head)
+    tried = {name: points[name] for name in distinct({name: points[name] for name in ("robust", "augmented", "base")})}
+    shown: list[Shown] = []
+    checks: list[Measured] = []
+
+    def check(name: str, point: Real) -> None:
+        waveform = Waveform.from_array(Bounds().from_unit(point))
         request = check_request(name, waveform, head.frequency_Hz, DEFAULT_WINDOW_S)
-        found[name] = measured(rig.record(request, order + k), waveform, head, PeakCost(), DEFAULT_WINDOW_S)
-    chosen = min(found, key=lambda name: found[name].cost_V)
+        taken = rig.record(request, order + len(checks))
+        shown.append(seen(taken, waveform, head, DEFAULT_WINDOW_S))
+        checks.append(measured(shown[-1], head, PeakCost(), DEFAULT_WINDOW_S))
+
+    for name, point in tried.items():
+        check(name, point)
+    for k in range(TuneSettings().most_refinements):
+        if (near := nearby(problem, shown, checks)) is None:
+            break
+        tried[f"refined-{k + 1}"] = near
+        check(f"refined-{k + 1}", near)
+    names = list(tried)
+    chosen = names[best_of(checks)]
     return {
-        "cost": float(PlantObjective(rig.plant).evaluate(points[chosen])[0]),
+        "cost": float(PlantObjective(rig.plant).evaluate(tried[chosen])[0]),
         "chosen": chosen,
-        "measured": {name: [one.cost_V, one.error_V] for name, one in found.items()},
+        "waveforms": {name: Bounds().from_unit(point).tolist() for name, point in tried.items()},
+        "measured": {name: [one.cost_V, one.error_V, one.worst_V] for name, one in zip(names, checks, strict=True)},
     }
 
 
-def objectives_of(base: Mapping[str, Any], corrected: Mapping[str, Any]) -> dict[str, Objective]:
+def objectives(base: Mapping[str, Any], corrected: Mapping[str, Any]) -> dict[str, Objective]:
     """Base model, corrected head, and the heads that remain possible, as functions to minimise."""
     before = printhead_of(base)
     assert isinstance(before, Printhead)
-    head = head_to_use(corrected, before)
-    found: dict[str, Objective] = {"base": Problem("base", before), "fit": Problem("fit", head)}
-    if (ensemble := ensemble_of(corrected)) is not None:
-        found["robust"] = Problem("robust", head, ensemble=ensemble, risk=RISK)
-    return found
+    problem = Problem("proof", head_to_use(corrected, before), ensemble=ensemble_of(corrected), risk=RISK)
+    return objectives_of(problem, before, corrected["fit"])
 
 
 def waveforms_of(base: Mapping[str, Any], corrected: Mapping[str, Any], seed: int) -> dict[str, Real]:
-    """The best point in ``[-1, 1]⁷`` of each of `objectives_of`; without an ensemble the fit's is the robust one."""
-    points = best_points(objectives_of(base, corrected), BUDGET, SEARCHES, seed)
-    return {"base": points["base"], "augmented": points["fit"], "robust": points.get("robust", points["fit"])}
+    """The best point in ``[-1, 1]⁷`` of base model, corrected head and the heads that remain possible."""
+    points = best_points(objectives(base, corrected), BUDGET, SEARCHES, seed)
+    return {"base": points["base"], "augmented": points["fit"], "robust": points["robust"]}

@@ -2,9 +2,9 @@
 
 Small peaks drown in the noise, and the cost adds up their magnitudes, so reading them off a recording would overrate
 it; and whether there is a small peak just after the largest one, which weighs most, no recording with noise can tell.
-The recorded signal is therefore compared with the predicted one of the same repeated drive, and each peak that is
-predicted for a single drop is moved by what the recording shows beyond the prediction there, averaged over a part of
-the resonance's period. This holds as far as the prediction does: `Measured` tells by how much the recording exceeds it.
+The recorded signal is therefore compared with the predicted one of the same repeated drive, and what it shows clearly
+beyond that is added to the prediction for a single drop: `signal.Shown`. This holds as far as the prediction does:
+`Measured` tells by how much the recording exceeds it, and what the waveform may cost at worst.
 """
 
 from __future__ import annotations
@@ -13,20 +13,24 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import savgol_filter
 
+from inkjet_env.experiments.tuning.careful_cost import AT_WORST, CarefulCost
+from inkjet_env.experiments.tuning.signal import (
+    ERRORS,
+    REST_PERIODS,
+    SAMPLES_A_PERIOD,
+    Shown,
+    mean_repetition,
+    predicted_signals,
+)
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import PeakCost, Printhead, Waveform
 from inkjet_env.recordings import Recording
 from inkjet_env.rig import Request
 from inkjet_env.typing import Real
 
-SAMPLES_A_PERIOD = 100
-"""Samples of a check per period of the head's resonance; the sampling step is rounded to two digits."""
-AVERAGED = 0.15
-"""Part of a period over which a residual is smoothed, by a parabola."""
-REST_PERIODS = 20.0
-"""Time after the window in which the head comes to rest before the next waveform, in periods of its resonance."""
+REPETITIONS = 8
+"""Number of repetitions that a check records, and averages."""
 DRAWS = 200
 """Number of draws of the noise."""
 
@@ -40,6 +44,8 @@ class Measured:
     cost_V, error_V : float
         Peak cost and its standard error, in volts. Where two peaks are so nearly of the same height that the noise
         decides which is the effective one, it is the mean of what the cost may be.
+    worst_V : float
+        The most it may cost, in volts, where small peaks that the noise hides count; see `careful_cost`.
     residual_V, noise_V : float
         RMS of what the recording shows beyond the prediction, and of its part that is noise, in volts. Where the former
         is much larger, the prediction is wrong, and the cost is no better than a guess.
@@ -47,12 +53,18 @@ class Measured:
 
     cost_V: float
     error_V: float
+    worst_V: float
     residual_V: float
     noise_V: float
 
+    @property
+    def risk_V(self) -> float:
+        """By what waveforms are compared, in volts: the cost, and `AT_WORST` of what it may cost beyond that."""
+        return self.cost_V + AT_WORST * (self.worst_V - self.cost_V)
+
 
 def check_request(name: str, waveform: Waveform, frequency_Hz: float, window_s: float) -> Request:
-    """Request for a recording of one drop: the waveform, repeated with enough rest for its ringing to die away.
+    """Request for a recording of some drops: the waveform, each time with enough rest for its ringing to die away.
 
     Parameters
     ----------
@@ -68,37 +80,26 @@ def check_request(name: str, waveform: Waveform, frequency_Hz: float, window_s: 
     step_s = 1 / float(f"{SAMPLES_A_PERIOD * frequency_Hz:.1e}")
     length_s = max(window_s, waveform.duration_s) + REST_PERIODS / frequency_Hz
     time_s = step_s * np.arange(math.ceil(length_s / step_s))
-    words = f"the waveform {name} once every {time_s.size * step_s:.4g} s, to see what it costs on the head"
-    return Request(name, "self_sensing", "periodic", step_s, waveform.drive_V(time_s), False, "bipolar", None, words)
+    words = (
+        f"the waveform {name} {REPETITIONS} times, once every {time_s.size * step_s:.4g} s, to see what it costs on "
+        "the head"
+    )
+    drive_V = np.tile(waveform.drive_V(time_s), REPETITIONS)
+    return Request(name, "self_sensing", "periodic", step_s, drive_V, False, "bipolar", None, words)
 
 
-def predicted_V(
-    recording: Recording, waveform: Waveform, head: Printhead | AugmentedPrinthead, window_s: float
-) -> Real:
-    """Signal in volts that a head predicts at the samples of a check, shape (n,), but for the channel's offset.
-
-    The parameters are those of `measured`.
-    """
-    time_s = recording.time_s - recording.time_s[0]
-    repeated = head.respond(waveform, window_s=window_s, period_s=time_s.size * recording.step_s)
-    return np.asarray(repeated.sensor_V(time_s), dtype=np.float64)
+def seen(recording: Recording, waveform: Waveform, head: Printhead | AugmentedPrinthead, window_s: float) -> Shown:
+    """What the answer to a `check_request` shows beyond the prediction; see `Shown.by`."""
+    return Shown.by(mean_repetition(recording, REPETITIONS), waveform, head, window_s)
 
 
-def measured(
-    recording: Recording,
-    waveform: Waveform,
-    head: Printhead | AugmentedPrinthead,
-    cost: PeakCost,
-    window_s: float,
-) -> Measured:
+def measured(shown: Shown, head: Printhead | AugmentedPrinthead, cost: PeakCost, window_s: float) -> Measured:
     """Cost of a recorded waveform.
 
     Parameters
     ----------
-    recording : Recording
-        Answer to its `check_request`.
-    waveform : Waveform
-        The waveform.
+    shown : Shown
+        What the recording that answered its `check_request` shows beyond the prediction.
     head : Printhead or AugmentedPrinthead
         Head that predicts the signal.
     cost : PeakCost
@@ -106,22 +107,24 @@ def measured(
     window_s : float
         Time after the start within which peaks count, in seconds.
     """
-    time_s = recording.time_s - recording.time_s[0]
-    residual_V = recording.sensor - predicted_V(recording, waveform, head, window_s)
-    residual_V = residual_V - np.median(residual_V)  # the channel's offset
-    width = max(5, 2 * round(AVERAGED / (2 * head.frequency_Hz * recording.step_s)) + 1)
-    smooth_V = savgol_filter(residual_V, width, 2, mode="wrap")
-    noise_V = float(np.std(residual_V - smooth_V)) * math.sqrt(width / max(width - 2.25, 1.0))
-    alone = head.respond(waveform, window_s=window_s)
-    heights_V = alone.peaks_V + np.interp(alone.peak_times_s, time_s, smooth_V)
+    rows = shown.waveform.to_array()[None]
+    signal = shown.added_to(next(predicted_signals(rows, head, "periodic", window_s)))
+    times_s, heights_V = signal.peaks(window_s)
+    at_peaks = np.minimum(np.rint(times_s / (shown.time_s[1] - shown.time_s[0])).astype(int), shown.time_s.size - 1)
     rng = np.random.default_rng(0)
-    errors_V = savgol_filter(noise_V * rng.standard_normal((DRAWS, time_s.size)), width, 2, mode="wrap")
-    at_peaks = np.minimum(np.rint(alone.peak_times_s / recording.step_s).astype(int), time_s.size - 1)
-    drawn_V = heights_V + errors_V[:, at_peaks]
-    costs_V = np.array([cost(row) for row in drawn_V])
+    begins = rng.integers(shown.noise_V.size, size=(DRAWS, 1))
+    errors_V = shown.noise_V[(begins + at_peaks) % shown.noise_V.size]
+    costs_V = np.array([cost(heights_V + row) for row in errors_V])
+    # Errors raise a sum of magnitudes: once in the draws, and once more in what the recording shows.
+    adds_V = _added_V(cost, heights_V, errors_V) + _added_V(cost, heights_V, shown.clear[at_peaks] * errors_V)
+    careful = CarefulCost(cost.A, cost.B, cost.effective, cost.target_height_V, ERRORS * shown.error_V)
+    worst_V = careful.of_signal(signal, head.frequency_Hz, window_s)
+    cost_V = float(costs_V.mean()) - adds_V
+    return Measured(cost_V, float(costs_V.std()), max(worst_V, cost_V), shown.residual_V, shown.noise_rms_V)
+
+
+def _added_V(cost: PeakCost, heights_V: Real, errors_V: Real) -> float:
+    """What errors of the peaks, shape (draws, peaks), add to a cost on average while the effective peak stays."""
     effective = cost.effective_index(heights_V)
-    alike = np.array([cost.effective_index(row) == effective for row in drawn_V])
-    # Errors raise a sum of magnitudes: once in the recording, and once more in the draws.
-    adds_V = float(costs_V[alike].mean()) - cost(heights_V) if alike.any() else 0.0
-    rms_V = float(np.sqrt(np.mean(residual_V**2)))
-    return Measured(float(costs_V.mean()) - 2 * adds_V, float(costs_V.std()), rms_V, noise_V)
+    costs_V = [cost(row) for row in heights_V + errors_V if cost.effective_index(row) == effective]
+    return float(np.mean(costs_V)) - cost(heights_V) if costs_V else 0.0

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 WIDTH = 3.9
 """Width of a drive's figure in inches: three fit side by side on a desktop."""
-TITLES = {"robust": "robust", "fit": "corrected head", "base": "base model"}
+TITLES = {"robust": "robust", "fit": "corrected head", "base": "base model", "refined": "after a check"}
 """Short titles of the proposals."""
 
 

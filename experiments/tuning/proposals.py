@@ -1,4 +1,4 @@
-"""Waveforms to try on a head: the robust one, that of the fit, and that of the base model."""
+"""Waveforms to try on a head: robust, of the fit, of the base model, and one near the best that was checked."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.experiments.benchmark.problem import Problem
+from inkjet_env.experiments.tuning.careful_cost import Careful, margin_of
+from inkjet_env.experiments.tuning.check import Measured
+from inkjet_env.experiments.tuning.signal import ERRORS, Shown
 from inkjet_env.optimizers.loop import Objective
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import printhead_of
@@ -23,6 +26,8 @@ REFINED, REFINING = 4, 400
 """Number of points that are refined, and evaluations of each refining search."""
 BASE_SEARCHES = 8
 """Searches of the base model, for each of the corrected head's."""
+LEAST_GAIN = 1e-3
+"""Least gain that is worth one more recording, as a fraction of the cost."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +36,9 @@ class Proposal:
 
     Attributes
     ----------
-    name : {"robust", "fit", "base"}
-        What it is the best of: of all heads that the recordings leave possible, of the corrected head, or of the base
-        model.
+    name : {"robust", "fit", "base", "refined"}
+        What it is the best of: of all heads that the recordings leave possible, of the corrected head, of the base
+        model, or of the corrected head moved by what a check has shown.
     waveform : tuple of 7 floats
         ``U1 U2`` in volts, ``t1 … t5`` in seconds.
     predicted_V, low_V, high_V : float
@@ -63,7 +68,13 @@ def head_to_use(data: Mapping[str, Any], base: Printhead) -> Printhead | Augment
 
 
 def proposals(
-    problem: Problem, base: Printhead, budget: int, searches: int, seed: int, progress: Callable[[str], None]
+    problem: Problem,
+    base: Printhead,
+    fit: Mapping[str, Any],
+    budget: int,
+    searches: int,
+    seed: int,
+    progress: Callable[[str], None],
 ) -> tuple[Proposal, ...]:
     """Up to three waveforms to try, the one to expect most of first.
 
@@ -74,18 +85,17 @@ def proposals(
         they are judged, and the driver's limits.
     base : Printhead
         The base model, identified without any effect: what would be fired without a diagnosis.
+    fit : mapping
+        Quality of the fit of both, which tells how well they predict the signal; see `careful_cost`.
     budget, searches, seed : int
         Evaluations of each search, number of searches of each objective, and seed of the first.
     progress : callable
         Told what is searched.
     """
-    plain = replace(problem, ensemble=None)
-    objectives: dict[str, Objective] = {"base": replace(plain, printhead=base), "fit": plain}
-    if problem.ensemble is not None:
-        objectives["robust"] = problem
+    objectives = objectives_of(problem, base, fit)
     points = best_points(objectives, budget, searches, seed, progress)
     ordered: dict[str, Real] = {name: points[name] for name in ("robust", "fit", "base") if name in points}
-    return tuple(_proposal(problem, name, points[name]) for name in distinct(ordered))
+    return tuple(proposal(problem, name, points[name]) for name in distinct(ordered))
 
 
 def distinct(points: Mapping[str, Real]) -> list[str]:
@@ -95,6 +105,22 @@ def distinct(points: Mapping[str, Real]) -> list[str]:
         if all(np.abs(point - points[other]).max() > DISTINCT for other in chosen):
             chosen.append(name)
     return chosen
+
+
+def objectives_of(problem: Problem, base: Printhead, fit: Mapping[str, Any]) -> dict[str, Objective]:
+    """What the waveforms of `proposals` are the best of; the parameters are those of `proposals`.
+
+    Returns
+    -------
+    dict
+        ``base`` and ``fit``: the peak cost of the base model and of the corrected head; ``safe``: that head's careful
+        cost; ``robust``: the same of the heads that remain possible.
+    """
+    plain = replace(problem, ensemble=None)
+    margin_V = margin_of(fit, isinstance(problem.printhead, AugmentedPrinthead))
+    safe = Careful(plain, margin_V)
+    robust = safe if problem.ensemble is None else Careful(problem, margin_V)
+    return {"base": replace(plain, printhead=base), "fit": plain, "safe": safe, "robust": robust}
 
 
 def best_points(
@@ -108,12 +134,12 @@ def best_points(
 
     Each model has many local optima, close to those of the others. The base model is searched most often, because it is
     the fastest by far; the corrected head is refined from all of its optima too, and the robust waveform from the best
-    of both.
+    of both and from the safe ones of the corrected head.
 
     Parameters
     ----------
     objectives : mapping of str to Objective
-        ``base``, ``fit`` and, optionally, ``robust``.
+        Those of `objectives_of`.
     budget, searches, seed : int
         Evaluations of a search, number of searches of the corrected head, and seed of the first.
     progress : callable
@@ -126,9 +152,10 @@ def best_points(
     of_fit = [*of_base, points["base"], *ends_of_searches(objectives["fit"], budget, searches, seed)]
     best_of_fit = refined(objectives["fit"], of_fit)
     points["fit"] = best_of_fit[0]
-    if "robust" in objectives:
-        progress("searching for the best waveform: robust")
-        points["robust"] = refined(objectives["robust"], [*best_of_fit, points["base"]], 2, REFINING // 2)[0]
+    progress("searching for the best waveform: robust")
+    of_safe = [*of_fit, *best_of_fit, *ends_of_searches(objectives["safe"], budget, searches, seed)]
+    safe = refined(objectives["safe"], of_safe)
+    points["robust"] = refined(objectives["robust"], [*safe, *best_of_fit, points["base"]], 2, REFINING // 2)[0]
     return points
 
 
@@ -175,7 +202,35 @@ def refined(
     return [np.clip(np.asarray(result.x, dtype=np.float64), -1.0, 1.0) for result in found]
 
 
-def _proposal(problem: Problem, name: str, point: Real) -> Proposal:
+def nearby(problem: Problem, shown: Sequence[Shown], checks: Sequence[Measured]) -> Real | None:
+    """A point in ``[-1, 1]⁷`` near the best waveform that was checked, to be checked next; None if none promises more.
+
+    It is the best of the problem's head, moved by what that check has shown beyond its prediction.
+
+    Parameters
+    ----------
+    problem : Problem
+        The head as it was fitted, and the driver's limits.
+    shown, checks : sequence of Shown and of Measured
+        What each check has shown, and what each waveform costs.
+    """
+    best = best_of(checks)
+    objective = Careful(replace(problem, ensemble=None), ERRORS * shown[best].error_V, shown[best])
+    point = problem.bounds.to_unit(shown[best].waveform.to_array())
+    now_V = float(objective.evaluate(point)[0])
+    for _ in range(2):
+        point = refined(objective, [point], 1)[0]
+    gain_V = now_V - float(objective.evaluate(point)[0])
+    return point if gain_V > LEAST_GAIN * abs(now_V) else None
+
+
+def best_of(checks: Sequence[Measured]) -> int:
+    """Index of the waveform to fire: the one with the least risk."""
+    return int(np.argmin([check.risk_V for check in checks]))
+
+
+def proposal(problem: Problem, name: str, point: Real) -> Proposal:
+    """The proposal of a point in ``[-1, 1]⁷``, with what it costs on the heads that the recordings leave possible."""
     waveform = problem.bounds.from_unit(point)
     predicted_V = float(replace(problem, ensemble=None).evaluate(point)[0])
     low_V = high_V = predicted_V

@@ -10,9 +10,10 @@ from typing import Any
 from urllib.parse import quote
 
 from inkjet_env.cli.drive_csv import waveform_files
-from inkjet_env.experiments.tuning.check import Measured, predicted_V
+from inkjet_env.experiments.tuning.check import REPETITIONS, Measured
 from inkjet_env.experiments.tuning.figures import check_figure, check_picture, request_figure, waveforms_figure
 from inkjet_env.experiments.tuning.session import LOG, NAMES, Session, Tuned, name_of_check, requests_of_round
+from inkjet_env.experiments.tuning.signal import mean_repetition, predicted_V
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.wording import CHANNEL_WORDS
 from inkjet_env.printhead import Printhead
@@ -125,7 +126,7 @@ def sentences(tuned: Tuned) -> list[str]:
     said = [
         f"It is the best waveform of the {NAMES[best.name]}. Predicted were {best.predicted_V:.3f} V; on 90 % of the "
         f"heads that the recordings leave possible, {best.low_V:.3f} to {best.high_V:.3f} V. The lower a cost, the "
-        "better."
+        f"better. If small peaks count that the noise may hide, it costs {check.worst_V:.3f} V at worst."
     ]
     over_noise = check.residual_V / max(check.noise_V, 1e-300)
     wrong = ": the prediction is wrong, and the cost may be off by more than its error"
@@ -146,7 +147,8 @@ def tried(session: Session, tuned: Tuned | None, recorded: Sequence[Recording]) 
         check: Measured | None = None
         figure = None
         if tuned is not None:
-            check, taken, window_s = tuned.checks[k], by_name[name_of_check(k + 1, one)], session.settings.window_s
+            check, window_s = tuned.checks[k], session.settings.window_s
+            taken = mean_repetition(by_name[name_of_check(k + 1, one)], REPETITIONS)
             expected_V = predicted_V(taken, one.as_waveform, tuned.head, window_s)
             figure = check_figure(taken, expected_V, check, window_s)
         rows.append(
@@ -159,6 +161,7 @@ def chosen_picture(session: Session, tuned: Tuned, recorded: Sequence[Recording]
     """The check of the chosen waveform, measured and as each head predicted it."""
     number, proposal = tuned.best + 1, tuned.proposals[tuned.best]
     taken = next(one for one in recorded if one.name == name_of_check(number, proposal))
+    taken = mean_repetition(taken, REPETITIONS)
     window_s = session.settings.window_s
     heads: dict[str, Printhead | AugmentedPrinthead] = {"augmented": tuned.head}
     base = session.folder / f"base-{len(session.rounds) - 1}.json"

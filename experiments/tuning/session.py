@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.experiments.benchmark.problem import Problem
-from inkjet_env.experiments.tuning.check import Measured, check_request, measured
+from inkjet_env.experiments.tuning.check import Measured, check_request, measured, seen
 from inkjet_env.experiments.tuning.exchange import Exchange
-from inkjet_env.experiments.tuning.proposals import Proposal, head_to_use, proposals
+from inkjet_env.experiments.tuning.proposals import Proposal, best_of, head_to_use, nearby, proposal, proposals
+from inkjet_env.experiments.tuning.signal import Shown
 from inkjet_env.identification import identify
 from inkjet_env.mismatch import clear_checkpoint, diagnose
 from inkjet_env.plant.augmented import AugmentedPrinthead
@@ -41,6 +42,7 @@ NAMES = {
     "robust": "heads that the recordings leave possible",
     "fit": "corrected head",
     "base": "base model",
+    "refined": "corrected head, moved by what a check has shown",
 }
 """What each proposal is the best waveform of, in words."""
 BATTERY = "battery"
@@ -55,6 +57,8 @@ class TuneSettings:
     ----------
     most_requests : int
         Largest number of different recordings that are asked for to tell rival effects apart.
+    most_refinements : int
+        Largest number of further waveforms that are checked, each near the best one so far.
     risk : {"mean", "cvar", "worst"}
         How a waveform is judged on the heads that the recordings leave possible.
     budget, searches : int
@@ -72,6 +76,7 @@ class TuneSettings:
     """
 
     most_requests: int = 3
+    most_refinements: int = 2
     risk: str = "cvar"
     budget: int = 2000
     searches: int = 3
@@ -126,8 +131,8 @@ class Tuned:
         """The result as ``tune/1``."""
         best, check = self.proposals[self.best], self.checks[self.best]
         tried = [
-            asdict(proposal) | {"measured_V": one.cost_V, "error_V": one.error_V}
-            for proposal, one in zip(self.proposals, self.checks, strict=True)
+            asdict(tried) | {"measured_V": one.cost_V, "error_V": one.error_V, "worst_V": one.worst_V}
+            for tried, one in zip(self.proposals, self.checks, strict=True)
         ]
         return {
             "format": FORMAT,
@@ -136,6 +141,7 @@ class Tuned:
             "predicted_V": best.predicted_V,
             "measured_V": check.cost_V,
             "error_V": check.error_V,
+            "worst_V": check.worst_V,
             "tried": tried,
             "rounds": [dict(one) for one in self.rounds],
             "recordings": self.recordings,
@@ -209,21 +215,21 @@ class Session:
             asked += len(found["requests"])
         base = self._base(number, campaign)
         head = head_to_use(printhead_data(self.folder / f"corrected-{number}.json"), base)
-        waveforms = self._proposed(number, head, base)
-        requests = [
-            check_request(name_of_check(k, one), one.as_waveform, head.frequency_Hz, self.settings.window_s)
-            for k, one in enumerate(waveforms, start=1)
-        ]
-        taken = self._obtain(requests)
-        checks = tuple(
-            measured(recording, one.as_waveform, head, self.settings.cost, self.settings.window_s)
-            for recording, one in zip(taken, waveforms, strict=True)
-        )
-        best = int(np.argmin([check.cost_V for check in checks]))
+        problem, fit = self._problem(number, head)
+        waveforms = self._proposed(problem, base, fit)
+        while True:
+            shown, checks = self._checked(waveforms, head)
+            more = sum(one.name == "refined" for one in waveforms)
+            point = nearby(problem, shown, checks) if more < self.settings.most_refinements else None
+            if point is None:
+                break
+            waveforms = (*waveforms, proposal(problem, "refined", point))
+            self._write(PROPOSALS, {"proposals": [asdict(one) for one in waveforms]})
+        best = best_of(checks)
         for one, check in zip(waveforms, checks, strict=True):
             self._log(
                 f"The best waveform of the {NAMES[one.name]} costs {check.cost_V:.3f} ± {check.error_V:.3f} V on the "
-                f"head; predicted were {one.predicted_V:.3f} V."
+                f"head, at worst {check.worst_V:.3f} V; predicted were {one.predicted_V:.3f} V."
             )
         self._log(f"To fire: the best waveform of the {NAMES[waveforms[best].name]}.")
         tuned = Tuned(
@@ -319,10 +325,8 @@ class Session:
             self._write(file, identify(campaign, progress=self.progress).as_json())
         return Printhead.from_json(self.folder / file)
 
-    def _proposed(self, number: int, head: Printhead | AugmentedPrinthead, base: Printhead) -> tuple[Proposal, ...]:
-        """Waveforms to try, from their file if they were found before."""
-        if known := self.waveforms:
-            return known
+    def _problem(self, number: int, head: Printhead | AugmentedPrinthead) -> tuple[Problem, Mapping[str, Any]]:
+        """What the waveform is searched for, and how well the last diagnosis fits."""
         settings = self.settings
         data = printhead_data(self.folder / f"corrected-{number}.json")
         limits = settings.limits if settings.limits != DriverLimits() else None
@@ -330,7 +334,27 @@ class Session:
             "tune", head, settings.cost, Bounds(limits=limits), window_s=settings.window_s,
             ensemble=ensemble_of(data), risk=settings.risk,
         )  # fmt: skip
-        found = proposals(problem, base, settings.budget, settings.searches, settings.seed, self.progress)
+        return problem, data["fit"]
+
+    def _checked(
+        self, waveforms: Sequence[Proposal], head: Printhead | AugmentedPrinthead
+    ) -> tuple[list[Shown], tuple[Measured, ...]]:
+        """What the recording of each waveform shows beyond the prediction, and what each costs."""
+        window_s = self.settings.window_s
+        requests = [
+            check_request(name_of_check(k, one), one.as_waveform, head.frequency_Hz, window_s)
+            for k, one in enumerate(waveforms, start=1)
+        ]
+        taken = zip(self._obtain(requests), waveforms, strict=True)
+        shown = [seen(recording, one.as_waveform, head, window_s) for recording, one in taken]
+        return shown, tuple(measured(one, head, self.settings.cost, window_s) for one in shown)
+
+    def _proposed(self, problem: Problem, base: Printhead, fit: Mapping[str, Any]) -> tuple[Proposal, ...]:
+        """Waveforms to try, from their file if they were found before."""
+        if known := self.waveforms:
+            return known
+        settings = self.settings
+        found = proposals(problem, base, fit, settings.budget, settings.searches, settings.seed, self.progress)
         for one in found:
             self._log(
                 f"Proposed: the best waveform of the {NAMES[one.name]}, predicted to cost {one.predicted_V:.3f} V "

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from inkjet_env.experiments.tuning import session as session_module
-from inkjet_env.experiments.tuning.check import Measured, predicted_V
+from inkjet_env.experiments.tuning.check import REPETITIONS, Measured
 from inkjet_env.experiments.tuning.exchange import Exchange, WaitingError
 from inkjet_env.experiments.tuning.figures import check_figure, request_figure, waveforms_figure
 from inkjet_env.experiments.tuning.report import distinct, effects_of, headline, page_html, sentences, write_page
 from inkjet_env.experiments.tuning.session import Session, TuneSettings, requests_of_round
+from inkjet_env.experiments.tuning.signal import mean_repetition, predicted_V
 from inkjet_env.printhead import DriverLimits
 from inkjet_env.recordings.drive import read_drive
 from inkjet_env.rig import VirtualRig
@@ -102,13 +103,14 @@ def test_the_page_tells_the_result_in_its_headline_and_every_number_in_its_table
     rows = rows_of(page, "Waveforms that were proposed")
     assert len(rows) == len(written["tried"]) > 1
     for row, one in zip(rows, written["tried"], strict=True):
-        assert row[0].startswith("→") == (one["name"] == written["of"])
+        assert row[0].startswith("→") == (one["waveform"] == written["waveform"])
         shown = np.array([float(cell.replace("−", "-")) for cell in row[1:8]])
         np.testing.assert_allclose(shown, np.array(one["waveform"]) * [1, 1, *[1e6] * 5], rtol=1e-3)
         assert row[8:] == [
             volts(one["predicted_V"]),
             f"{volts(one['low_V'])} … {volts(one['high_V'])}",
             f"{volts(one['measured_V'])} ± {volts(one['error_V'])}",
+            volts(one["worst_V"]),
         ]
 
 
@@ -223,8 +225,9 @@ def test_names_and_words_of_others_are_escaped(tmp_path, diagnoses, monkeypatch)
 
 def test_the_headline_compares_with_the_base_models_waveform_and_keeps_to_the_error(ended):
     _, tuned = ended
-    first, *_, base = tuned.proposals
-    clear, close = Measured(-12.0, 0.3, 0.1, 0.1), Measured(-11.5, 0.3, 0.1, 0.1)
+    first = tuned.proposals[0]
+    base = replace(first, name="base")
+    clear, close = Measured(-12.0, 0.3, -11.0, 0.1, 0.1), Measured(-11.5, 0.3, -10.5, 0.1, 0.1)
 
     def said(proposals, checks):
         best = min(range(len(checks)), key=lambda k: checks[k].cost_V)
@@ -255,7 +258,8 @@ def test_a_check_far_from_its_prediction_is_warned_of(ended):
 def test_pictures_show_what_was_recorded_beside_what_was_predicted(ended):
     session, tuned = ended
     by_name = {recording.name: recording for recording in session.exchange.recorded}
-    taken, proposal, check = by_name["check-1-robust"], tuned.proposals[0], tuned.checks[0]
+    proposal, check = tuned.proposals[0], tuned.checks[0]
+    taken = mean_repetition(by_name["check-1-robust"], REPETITIONS)
     expected_V = predicted_V(taken, proposal.as_waveform, tuned.head, SETTINGS.window_s)
     _, signals, residual = check_figure(taken, expected_V, check, SETTINGS.window_s).axes
     seen, modelled = (line.get_ydata() for line in signals.lines)
