@@ -11,6 +11,7 @@ import numpy as np
 from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.proof.answering import ConcealedRig
 from inkjet_env.experiments.tuning.check import Measured, check_request, measured, seen
+from inkjet_env.experiments.tuning.drop_signal import Shown
 from inkjet_env.experiments.tuning.proposals import (
     best_of,
     best_points,
@@ -22,7 +23,6 @@ from inkjet_env.experiments.tuning.proposals import (
     refined,
 )
 from inkjet_env.experiments.tuning.session import TuneSettings
-from inkjet_env.experiments.tuning.signal import Shown
 from inkjet_env.optimizers.loop import Objective
 from inkjet_env.plant.head_ensemble import ensemble_of
 from inkjet_env.plant.printhead_file import printhead_of

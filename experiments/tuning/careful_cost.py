@@ -3,13 +3,13 @@
 The peak cost has steps. Where two peaks are equally high, a little decides which of them is the effective one. Where a
 small wiggle delays the peak after it, that wiggle counts five times instead of the peak; and where the signal rises or
 falls slowly for a moment, a shoulder, a little makes two more peaks of it. A search on a model ends at such steps, and
-the head then falls off. The careful cost is the worst of what such peaks may cost.
+the head then falls off. The careful cost counts what such peaks may cost at worst.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,31 +17,34 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inkjet_env.experiments.benchmark.problem import Problem
-from inkjet_env.experiments.tuning.signal import ERRORS, Shown, Signal, predicted_signals, without_wiggles
+from inkjet_env.experiments.tuning.drop_signal import ERRORS, Shown, Signal, predicted_signals, without_wiggles
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import PeakCost, Printhead
 from inkjet_env.typing import Real
 
 FASTEST = 5.0
 """Highest frequency of what the prediction may lack, relative to the resonance: it tells slopes from heights."""
-AT_WORST = 0.5
-"""How much of what a waveform may cost beyond its peak cost counts."""
+SEARCHED = 0.5
+"""How much of what a waveform may cost beyond its peak cost counts in a search, which ends where a prediction errs in
+its favour."""
 NEARBY = 0.2
 """Distance in half widths of the box over which what a check has shown changes by as much as itself."""
 
 
 @dataclass(frozen=True)
 class CarefulCost(PeakCost):
-    """The largest peak cost of a signal that is known within a margin.
+    """The peak cost of a signal that is known within a margin, and what it may be beyond that at worst.
 
-    It is the largest over which peak is effective, among those at most the margin below the highest; over whether
-    wiggles smaller than the margin are there or not; and over whether there are wiggles where the slope is so small
-    that what the prediction may lack can turn it.
+    The worst is the largest over which peak is effective, among those at most the margin below the highest; over
+    whether wiggles smaller than the margin are there or not; and over whether there are wiggles where the slope is so
+    small that what the prediction may lack can turn it.
 
     Parameters
     ----------
     margin_V : float
         The margin in volts, at least 0; with 0 it is the peak cost itself.
+    share : float
+        How much of the difference between worst and peak cost counts, from 0 to 1, the default.
     """
 
     margin_V: float = 0.0
@@ -50,11 +53,7 @@ class CarefulCost(PeakCost):
     def __call__(self, peaks_V: ArrayLike, tail_V: float = 0.0) -> float:
         """Cost in volts of peaks in time order; ``tail_V`` is as in `PeakCost`."""
         peaks = np.asarray(peaks_V, dtype=np.float64)
-        smooth = peaks[without_wiggles(peaks, self.margin_V)]
-        worst = self._worst(peaks)
-        if smooth.size < peaks.size:
-            worst = max(worst, self._worst(smooth))
-        return worst + tail_V
+        return self._counted(peaks, [peaks]) + tail_V
 
     def of_signal(self, signal: Signal, frequency_Hz: float, window_s: float) -> float:
         """Cost in volts of a densely sampled signal from the start of the waveform.
@@ -69,14 +68,20 @@ class CarefulCost(PeakCost):
             Time after the start within which peaks count, in seconds.
         """
         times_s, peaks_V = signal.peaks(window_s)
-        worst, plain = self(peaks_V), super().__call__(peaks_V)
-        if self.margin_V > 0 and peaks_V.size:
-            slope = 2 * math.pi * FASTEST * frequency_Hz * self.margin_V
-            at = shoulders(signal.signal_V, slope * signal.step_s)
-            at = at[at * signal.step_s <= window_s]
-            if at.size:
-                where = np.searchsorted(times_s, np.repeat(at * signal.step_s, 2))
-                worst = max(worst, self._worst(np.insert(peaks_V, where, np.repeat(signal.signal_V[at], 2))))
+        possible = [peaks_V]
+        slope = 2 * math.pi * FASTEST * frequency_Hz * self.margin_V
+        at = shoulders(signal.signal_V, slope * signal.step_s)
+        at = at[at * signal.step_s <= window_s]
+        if at.size:
+            where = np.searchsorted(times_s, np.repeat(at * signal.step_s, 2))
+            possible.append(np.insert(peaks_V, where, np.repeat(signal.signal_V[at], 2)))
+        return self._counted(peaks_V, possible)
+
+    def _counted(self, peaks_V: Real, possible: Sequence[Real]) -> float:
+        """Cost of peaks, and the share that counts of what these, with and without wiggles, may cost beyond it."""
+        plain = super().__call__(peaks_V)
+        smooth = peaks_V[without_wiggles(peaks_V, self.margin_V)]
+        worst = max(self._worst(one) for one in (*possible, smooth))
         return plain + self.share * (worst - plain)
 
     def _worst(self, peaks_V: Real) -> float:
@@ -101,7 +106,7 @@ def shoulders(signal_V: Real, least_V: float) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Careful:
-    """A problem whose signal is known within a margin, as an objective.
+    """A problem of one drop whose signal is known within a margin, as an objective.
 
     Attributes
     ----------
@@ -138,7 +143,7 @@ class Careful:
         for k, signal in enumerate(predicted_signals(rows, head, problem.initial_state, problem.window_s)):
             if self.shown is not None:
                 signal = self.shown.added_to(signal)
-            cost = CarefulCost(plain.A, plain.B, plain.effective, plain.target_height_V, float(margins_V[k]), AT_WORST)
+            cost = CarefulCost(plain.A, plain.B, plain.effective, plain.target_height_V, float(margins_V[k]), SEARCHED)
             found[k] = cost.of_signal(signal, head.frequency_Hz, problem.window_s)
         return found
 

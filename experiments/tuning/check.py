@@ -3,7 +3,7 @@
 Small peaks drown in the noise, and the cost adds up their magnitudes, so reading them off a recording would overrate
 it; and whether there is a small peak just after the largest one, which weighs most, no recording with noise can tell.
 The recorded signal is therefore compared with the predicted one of the same repeated drive, and what it shows clearly
-beyond that is added to the prediction for a single drop: `signal.Shown`. This holds as far as the prediction does:
+beyond that is added to the prediction for a single drop: `drop_signal.Shown`. This holds as far as the prediction does:
 `Measured` tells by how much the recording exceeds it, and what the waveform may cost at worst.
 """
 
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inkjet_env.experiments.tuning.careful_cost import AT_WORST, CarefulCost
-from inkjet_env.experiments.tuning.signal import (
+from inkjet_env.experiments.tuning.careful_cost import CarefulCost
+from inkjet_env.experiments.tuning.drop_signal import (
     ERRORS,
     REST_PERIODS,
     SAMPLES_A_PERIOD,
@@ -31,6 +31,8 @@ from inkjet_env.typing import Real
 
 REPETITIONS = 8
 """Number of repetitions that a check records, and averages."""
+CHECKED = 0.2
+"""How much of what a waveform may cost beyond its recorded cost counts when waveforms are compared."""
 DRAWS = 200
 """Number of draws of the noise."""
 
@@ -59,8 +61,8 @@ class Measured:
 
     @property
     def risk_V(self) -> float:
-        """By what waveforms are compared, in volts: the cost, and `AT_WORST` of what it may cost beyond that."""
-        return self.cost_V + AT_WORST * (self.worst_V - self.cost_V)
+        """By what waveforms are compared, in volts: the cost, and `CHECKED` of what it may cost beyond that."""
+        return self.cost_V + CHECKED * (self.worst_V - self.cost_V)
 
 
 def check_request(name: str, waveform: Waveform, frequency_Hz: float, window_s: float) -> Request:

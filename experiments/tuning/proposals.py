@@ -11,7 +11,7 @@ import numpy as np
 from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.tuning.careful_cost import Careful, margin_of
 from inkjet_env.experiments.tuning.check import Measured
-from inkjet_env.experiments.tuning.signal import ERRORS, Shown
+from inkjet_env.experiments.tuning.drop_signal import ERRORS, Shown
 from inkjet_env.optimizers.loop import Objective
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.printhead_file import printhead_of

@@ -11,9 +11,9 @@ from urllib.parse import quote
 
 from inkjet_env.cli.drive_csv import waveform_files
 from inkjet_env.experiments.tuning.check import REPETITIONS, Measured
+from inkjet_env.experiments.tuning.drop_signal import mean_repetition, predicted_V
 from inkjet_env.experiments.tuning.figures import check_figure, check_picture, request_figure, waveforms_figure
 from inkjet_env.experiments.tuning.session import LOG, NAMES, Session, Tuned, name_of_check, requests_of_round
-from inkjet_env.experiments.tuning.signal import mean_repetition, predicted_V
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.wording import CHANNEL_WORDS
 from inkjet_env.printhead import Printhead

@@ -21,9 +21,9 @@ import numpy as np
 
 from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.tuning.check import Measured, check_request, measured, seen
+from inkjet_env.experiments.tuning.drop_signal import Shown
 from inkjet_env.experiments.tuning.exchange import Exchange
 from inkjet_env.experiments.tuning.proposals import Proposal, best_of, head_to_use, nearby, proposal, proposals
-from inkjet_env.experiments.tuning.signal import Shown
 from inkjet_env.identification import identify
 from inkjet_env.mismatch import clear_checkpoint, diagnose
 from inkjet_env.plant.augmented import AugmentedPrinthead

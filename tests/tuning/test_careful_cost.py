@@ -5,7 +5,7 @@ import pytest
 
 from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.tuning.careful_cost import Careful, CarefulCost, margin_of, shoulders
-from inkjet_env.experiments.tuning.signal import Signal, without_wiggles
+from inkjet_env.experiments.tuning.drop_signal import Signal, without_wiggles
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.head_ensemble import HeadEnsemble

@@ -12,11 +12,11 @@ import pytest
 
 from inkjet_env.experiments.tuning import session as session_module
 from inkjet_env.experiments.tuning.check import REPETITIONS, Measured
+from inkjet_env.experiments.tuning.drop_signal import mean_repetition, predicted_V
 from inkjet_env.experiments.tuning.exchange import Exchange, WaitingError
 from inkjet_env.experiments.tuning.figures import check_figure, request_figure, waveforms_figure
 from inkjet_env.experiments.tuning.report import distinct, effects_of, headline, page_html, sentences, write_page
 from inkjet_env.experiments.tuning.session import Session, TuneSettings, requests_of_round
-from inkjet_env.experiments.tuning.signal import mean_repetition, predicted_V
 from inkjet_env.printhead import DriverLimits
 from inkjet_env.recordings.drive import read_drive
 from inkjet_env.rig import VirtualRig
