@@ -40,5 +40,6 @@ def print_sections(
     except ValueError as error:
         parser.error(str(error))
     if not found:
-        parser.error(f"{folder} holds none of {', '.join(files[:-1])} and {files[-1]}.")
+        *others, last = files
+        parser.error(f"{folder} holds " + (f"none of {', '.join(others)} and {last}." if others else f"no {last}."))
     print("\n\n".join(f"## {heading}\n\n{text}" for heading, text in found))

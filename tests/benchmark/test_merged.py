@@ -13,6 +13,7 @@ from inkjet_env.experiments.benchmark.merged import merged
 from inkjet_env.experiments.benchmark.run_files import DamagedResultError, RunKey, RunResult, label_of, write_run
 from inkjet_env.experiments.benchmark.runner import run_bench
 from inkjet_env.experiments.benchmark.suite import problem
+from inkjet_env.experiments.publish import leaderboard
 from tests.benchmark.small_bench import small_settings
 
 FOREIGN = "their_lab.search:Halving"
@@ -68,6 +69,8 @@ def test_they_are_ranked_together_by_the_numbers_of_each(mine, tmp_path, inkjet)
     assert [source["name"] for source in told["settings"]["sources"]] == ["mine", "theirs"]
     page = (tmp_path / "both" / "report.html").read_text()
     assert "their-lab 1.0" in page
+    of_theirs = next(row for row in leaderboard.origins(told) if row[0] == FOREIGN)
+    assert of_theirs == (FOREIGN, "their-lab 1.0", "defaults", "theirs", "`000000000000`")
     assert "f" * 12 in page
     assert sorted(path.name for path in (tmp_path / "logs").iterdir())[-1] == "their_lab.search.Halving"
 
