@@ -14,7 +14,8 @@ class Optimizer:
     """An optimiser over the box ``[-1, 1]^d`` that spends exactly its budget of evaluations.
 
     A subclass implements `propose` and `learn`. It need not count evaluations: `ask` cuts the last batch to the
-    remaining budget, and `learn` is not called after the last batch.
+    remaining budget, and `learn` is not called after the last batch. One that can learn from single costs in any order
+    may also set `in_any_order` and implement `propose_another` and `learn_another`.
 
     Parameters
     ----------
@@ -35,6 +36,7 @@ class Optimizer:
 
     name: str = ""
     uses_gradient: ClassVar[bool] = False
+    in_any_order: ClassVar[bool] = False
 
     def __init__(self, dimension: int, budget: int, seed: int) -> None:
         self.dimension = checked_count("dimension", dimension)
@@ -96,6 +98,28 @@ class Optimizer:
         self.remaining -= len(asked)
         if self.remaining > 0:
             self.learn(asked, costs, gradients)
+
+    def ask_another(self) -> Real | None:
+        """One more point to evaluate while costs of others are still to come, shape (d,); None: not before one comes.
+
+        Only where `in_any_order` is true, and in place of `ask` and `tell`.
+        """
+        point = self.propose_another()
+        return None if point is None else np.array(point, dtype=np.float64)
+
+    def tell_another(self, point: Real, cost: float) -> None:
+        """Report the cost of one of the points that `ask_another` returned, in any order."""
+        self.remaining -= 1
+        if self.remaining > 0:
+            self.learn_another(point, cost)
+
+    def propose_another(self) -> Real | None:
+        """The next single point, shape (d,), or None if there is none before another cost comes."""
+        raise NotImplementedError
+
+    def learn_another(self, point: Real, cost: float) -> None:
+        """Update the search with the cost of one point."""
+        raise NotImplementedError
 
     def propose(self) -> Real:
         """The next batch, shape (n, d), n at least 1; it may exceed the remaining budget."""

@@ -29,8 +29,11 @@ class Nevergrad(Optimizer):
     method : str
         Name in `nevergrad.optimizers.registry`.
     workers : int
-        Number of points asked for together. With 1, nevergrad's default, it learns from every single evaluation.
+        Number of points asked for together. With 1, nevergrad's default, it learns from every single evaluation. With
+        instruments that work beside each other, their number.
     """
+
+    in_any_order = True
 
     def __init__(self, dimension: int, budget: int, seed: int, *, method: str, workers: int = 1) -> None:
         super().__init__(dimension, budget, seed)
@@ -43,6 +46,7 @@ class Nevergrad(Optimizer):
             self._search = nevergrad.optimizers.registry[method](box, self.budget, self._workers)
         self._candidates: list[nevergrad.p.Parameter] = []
         self._costs: list[float] = []
+        self._under_way: dict[bytes, list[nevergrad.p.Parameter]] = {}
 
     def propose(self) -> Real:
         """Tell nevergrad the last costs, then ask it for one point per worker."""
@@ -56,6 +60,21 @@ class Nevergrad(Optimizer):
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
         """Store the costs until the next `propose`."""
         self._costs = costs.tolist()
+
+    def propose_another(self) -> Real | None:
+        """Ask nevergrad for one point; None while each of its workers has one."""
+        if sum(map(len, self._under_way.values())) == self._workers:
+            return None
+        with self._surroundings():
+            candidate = self._search.ask()
+        point = np.clip(candidate.value, -1.0, 1.0)
+        self._under_way.setdefault(point.tobytes(), []).append(candidate)
+        return point
+
+    def learn_another(self, point: Real, cost: float) -> None:
+        """Tell nevergrad the cost of one of its points."""
+        with self._surroundings():
+            self._search.tell(self._under_way[point.tobytes()].pop(), cost)
 
     @contextmanager
     def _surroundings(self) -> Iterator[None]:

@@ -25,6 +25,9 @@ class ParticleSwarm(Optimizer):
     its wall: that coordinate is set to the bound and its velocity to zero, as in the Standard PSO of 2007 (Clerc, HAL
     hal-00764996, 2012).
 
+    Where costs come in any order, each particle moves as soon as its own cost is there, towards the best that is known
+    then: Koh et al., Int. J. Numer. Meth. Eng. 67 (2006) 578.
+
     Parameters
     ----------
     dimension, budget, seed : int
@@ -41,6 +44,7 @@ class ParticleSwarm(Optimizer):
     """
 
     name = "pso"
+    in_any_order = True
 
     def __init__(
         self,
@@ -63,6 +67,8 @@ class ParticleSwarm(Optimizer):
         self._v = (self.rng.uniform(-1.0, 1.0, shape) - self._x) / 2
         self._best_x = self._x.copy()
         self._best_cost = np.full(shape[0], math.inf)
+        self._ready = list(range(shape[0]))
+        self._under_way: list[int] = []
 
     def propose(self) -> Real:
         """The whole swarm."""
@@ -70,18 +76,38 @@ class ParticleSwarm(Optimizer):
 
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
         """Update the bests, then move every particle."""
-        better = costs < self._best_cost
-        self._best_x[better], self._best_cost[better] = points[better], costs[better]
+        self._move(np.arange(len(costs)), costs)
+
+    def _move(self, of: Any, costs: Real) -> None:
+        """Update the bests of some particles with the costs at their places, then move them."""
+        better = costs < self._best_cost[of]
+        self._best_x[of[better]], self._best_cost[of[better]] = self._x[of[better]], costs[better]
         swarm_best = self._best_x[np.argmin(self._best_cost)]
         c1, c2, c3 = self._coefficients
-        r2, r3 = self._factors()
-        self._v = c1 * self._v + c2 * r2 * (self._best_x - self._x) + c3 * r3 * (swarm_best - self._x)  # Eq. (10)
-        moved = self._x + self._v  # Eq. (10)
-        self._x = np.clip(moved, -1.0, 1.0)
-        self._v[moved != self._x] = 0.0
+        r2, r3 = self._factors(len(of))
+        x = self._x[of]
+        v = c1 * self._v[of] + c2 * r2 * (self._best_x[of] - x) + c3 * r3 * (swarm_best - x)  # Eq. (10)
+        moved = x + v
+        self._x[of] = np.clip(moved, -1.0, 1.0)
+        v[moved != self._x[of]] = 0.0
+        self._v[of] = v
 
-    def _factors(self) -> Any:
-        return self.rng.random((2, *self._x.shape))
+    def propose_another(self) -> Real | None:
+        """The place of the next particle that has moved."""
+        if not self._ready:
+            return None
+        self._under_way.append(self._ready.pop(0))
+        return self._x[self._under_way[-1]].copy()
+
+    def learn_another(self, point: Real, cost: float) -> None:
+        """Move the particle that is there."""
+        k = next(k for k in self._under_way if np.array_equal(self._x[k], point))
+        self._under_way.remove(k)
+        self._move(np.array([k]), np.array([cost]))
+        self._ready.append(k)
+
+    def _factors(self, count: int) -> Any:
+        return self.rng.random((2, count, self.dimension))
 
 
 class PrintedParticleSwarm(ParticleSwarm):
@@ -112,5 +138,5 @@ class PrintedParticleSwarm(ParticleSwarm):
     ) -> None:
         super().__init__(dimension, budget, seed, particles=particles, c1=c1, c2=c2, c3=c3)
 
-    def _factors(self) -> Any:
+    def _factors(self, count: int) -> Any:
         return 1.0, 1.0

@@ -12,6 +12,7 @@ class Random(Optimizer):
     """Points drawn uniformly and independently: Bergstra & Bengio, J. Mach. Learn. Res. 13 (2012) 281."""
 
     name = "random"
+    in_any_order = True
 
     def propose(self) -> Real:
         """The next random points."""
@@ -20,11 +21,19 @@ class Random(Optimizer):
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
         """Do nothing: the search does not learn."""
 
+    def propose_another(self) -> Real:
+        """The next random point."""
+        return self.rng.uniform(-1.0, 1.0, self.dimension)
+
+    def learn_another(self, point: Real, cost: float) -> None:
+        """Do nothing: the search does not learn."""
+
 
 class Sobol(Optimizer):
     """A scrambled Sobol sequence from `scipy.stats.qmc.Sobol` (Joe & Kuo 2008; scrambling after Matoušek 1998)."""
 
     name = "sobol"
+    in_any_order = True
 
     def __init__(self, dimension: int, budget: int, seed: int) -> None:
         from scipy.stats import qmc
@@ -37,4 +46,11 @@ class Sobol(Optimizer):
         return 2.0 * self._sequence.random(BATCH) - 1.0
 
     def learn(self, points: Real, costs: Real, gradients: Real | None) -> None:
+        """Do nothing: the search does not learn."""
+
+    def propose_another(self) -> Real:
+        """The next point of the sequence."""
+        return 2.0 * self._sequence.random(1)[0] - 1.0
+
+    def learn_another(self, point: Real, cost: float) -> None:
         """Do nothing: the search does not learn."""

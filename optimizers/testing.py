@@ -13,6 +13,7 @@ In a test file of yours, for pytest::
 from __future__ import annotations
 
 import functools
+import math
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +22,7 @@ from unittest import mock
 
 import numpy as np
 
+from inkjet_env.optimizers.asynchronous import LateRun, Reading, minimise_late
 from inkjet_env.optimizers.base import Optimizer
 from inkjet_env.optimizers.loop import Interrupted, NonFiniteCostError, ReplayMismatchError, Run, minimise
 from inkjet_env.optimizers.registry import make
@@ -58,6 +60,35 @@ class Bowl:
     def evaluate_with_gradient(self, points: Real) -> tuple[Real, Real]:
         """Costs, shape (n,), and their gradients, shape (n, 7)."""
         return self.evaluate(points), 20 * (points - CENTRE)
+
+
+class LateBowl:
+    """A bowl that is read by several instruments: readings come in another order, and each ninth one is lost.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the order.
+    stop_at : int, optional
+        Number of the reading at which Ctrl-C is pressed.
+    """
+
+    def __init__(self, seed: int = 0, stop_at: int | None = None) -> None:
+        self.rng, self.stop_at, self.waits = np.random.default_rng(seed), stop_at, 0
+        self.under_way: dict[int, float] = {}
+
+    def start(self, number: int, point: Real) -> None:
+        """Begin an evaluation."""
+        self.under_way[number] = float(Bowl().evaluate(point[None])[0])
+
+    def wait(self) -> Reading:
+        """A reading of any evaluation that is under way."""
+        self.waits += 1
+        if self.waits == self.stop_at:
+            raise KeyboardInterrupt
+        number = int(self.rng.choice(list(self.under_way)))
+        cost = self.under_way.pop(number)
+        return Reading(number, math.nan if self.waits % 9 == 0 and self.waits > 9 else cost)
 
 
 class OptimizerTests:
@@ -184,6 +215,27 @@ class OptimizerTests:
         error = _raised(RuntimeError, optimizer.ask)
         assert "the budget of 1 evaluations is spent" in error, f"the error does not say why: {error}"
         optimizer.close()
+
+    def test_readings_may_come_late_in_another_order_or_never(self) -> None:
+        optimizer, budget = self._made(self.budget, SEED), self.budget
+        if optimizer.uses_gradient:
+            optimizer.close()
+            return
+        whole = minimise_late(LateBowl(), optimizer, budget, slots=5)
+        assert whole.evaluations == budget == len(whole.lost), f"{whole.evaluations} evaluations of {budget}"
+        assert (np.abs(whole.points) <= 1).all(), "a point lies outside [-1, 1]"
+        try:
+            minimise_late(LateBowl(stop_at=budget // 2), self._made(budget, SEED), budget, slots=5)
+        except Interrupted as interruption:
+            part = interruption.run
+        assert isinstance(part, LateRun)
+        late = LateBowl(seed=1)
+        run = minimise_late(late, self._made(budget, SEED), budget, slots=5, recorded=part.readings)
+        made = part.evaluations
+        assert made > 0, "nothing was read before the interruption"
+        assert np.array_equal(run.points[:made], whole.points[:made]), "recorded readings give other points"
+        assert np.array_equal(run.costs[:made], whole.costs[:made]), "recorded readings give other costs"
+        assert late.waits == len(run.readings) - len(part.readings), "recorded readings were taken again"
 
     def test_a_run_leaves_no_files_behind(self) -> None:
         with tempfile.TemporaryDirectory() as folder, mock.patch.object(tempfile, "tempdir", folder):

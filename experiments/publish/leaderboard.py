@@ -46,7 +46,8 @@ def origins(ranking: Mapping[str, Any]) -> list[tuple[str, ...]]:
     settings = ranking["settings"]
     benches = settings.get("sources") or [{"name": "", **settings}]
     rows = []
-    for optimizer in {row["optimizer"] for one in ranking["standings"].values() for row in one["rows"]}:
+    ranked = [row["optimizer"] for one in ranking["standings"].values() for row in one["rows"]]
+    for optimizer in dict.fromkeys(ranked):
         name, _, folder = optimizer.partition(AT)
         bench = next(bench for bench in benches if name in bench["optimizers"] and folder in ("", bench["name"]))
         versions, plugins = bench["versions"], bench.get("plugins", {})
