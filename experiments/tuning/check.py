@@ -31,7 +31,7 @@ from inkjet_env.typing import Real
 
 REPETITIONS = 8
 """Number of repetitions that a check records, and averages."""
-CHECKED = 0.1
+CHECKED = 0.2
 """How much of what a waveform may cost beyond its recorded cost counts when waveforms are compared."""
 DRAWS = 200
 """Number of draws of the noise."""
