@@ -79,20 +79,28 @@ def check_request(name: str, waveform: Waveform, frequency_Hz: float, window_s: 
     window_s : float
         Time after the start within which peaks count, in seconds.
     """
-    step_s = 1 / float(f"{SAMPLES_A_PERIOD * frequency_Hz:.1e}")
-    length_s = max(window_s, waveform.duration_s) + REST_PERIODS / frequency_Hz
-    time_s = step_s * np.arange(math.ceil(length_s / step_s))
-    words = (
-        f"the waveform {name} {REPETITIONS} times, once every {time_s.size * step_s:.4g} s, to see what it costs on "
-        "the head"
-    )
+    step_s, samples = _repetition(waveform, frequency_Hz, window_s)
+    time_s = step_s * np.arange(samples)
+    words = f"the waveform {name} {REPETITIONS} times, once every {samples * step_s:.4g} s, to see what it costs on the head"
     drive_V = np.tile(waveform.drive_V(time_s), REPETITIONS)
     return Request(name, "self_sensing", "periodic", step_s, drive_V, False, "bipolar", None, words)
 
 
+def _repetition(waveform: Waveform, frequency_Hz: float, window_s: float) -> tuple[float, int]:
+    """Sampling step in seconds, and number of samples, of one repetition with its rest."""
+    step_s = 1 / float(f"{SAMPLES_A_PERIOD * frequency_Hz:.1e}")
+    return step_s, math.ceil((max(window_s, waveform.duration_s) + REST_PERIODS / frequency_Hz) / step_s)
+
+
+def averaged(recording: Recording, waveform: Waveform, frequency_Hz: float, window_s: float) -> Recording:
+    """One repetition of the answer to a `check_request`: the mean of all; the parameters are those of the request."""
+    step_s, samples = _repetition(waveform, frequency_Hz, window_s)
+    return mean_repetition(recording, samples * step_s)
+
+
 def seen(recording: Recording, waveform: Waveform, head: Printhead | AugmentedPrinthead, window_s: float) -> Shown:
     """What the answer to a `check_request` shows beyond the prediction; see `Shown.by`."""
-    return Shown.by(mean_repetition(recording, REPETITIONS), waveform, head, window_s)
+    return Shown.by(averaged(recording, waveform, head.frequency_Hz, window_s), waveform, head, window_s)
 
 
 def measured(shown: Shown, head: Printhead | AugmentedPrinthead, cost: PeakCost, window_s: float) -> Measured:

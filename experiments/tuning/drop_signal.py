@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
@@ -174,21 +175,34 @@ class Shown:
         return Signal(signal_V, predicted.step_s, ERRORS * self.error_V, peaks_V.size)
 
 
-def mean_repetition(recording: Recording, repetitions: int) -> Recording:
-    """One repetition of a recording whose drive repeats itself so often: the mean of the sensor's signal over all.
+def mean_repetition(recording: Recording, period_s: float) -> Recording:
+    """The mean of all whole repetitions in a recording of a repeated drive, whatever its sampling step.
 
-    ``ValueError`` if its samples are no multiple of that number.
+    Parameters
+    ----------
+    recording : Recording
+        The recording, from the start of a repetition on.
+    period_s : float
+        Time of one repetition, in seconds.
+
+    Raises
+    ------
+    ValueError
+        It is shorter than one repetition.
     """
-    if recording.sensor.size % repetitions:
+    since_s = recording.time_s - recording.time_s[0]
+    repetitions = math.floor((since_s[-1] + recording.step_s) / period_s + 1e-6)
+    if repetitions < 1:
         raise ValueError(
-            f"{recording.name} has {recording.sensor.size} samples, which are not {repetitions} equal repetitions. "
-            "Record it again as it is asked for."
+            f"{recording.name} takes {since_s[-1]:.4g} s, and one repetition of its drive {period_s:.4g} s. Record it "
+            "again, as long as it is asked for."
         )
-
-    length = recording.sensor.size // repetitions
-    sensor = recording.sensor.reshape(repetitions, length).mean(axis=0)
+    length = round(period_s / recording.step_s)
+    time_s = period_s / length * np.arange(length)
+    sensor = CubicSpline(since_s, recording.sensor)
+    every = [sensor(time_s + k * period_s) for k in range(repetitions)]
     return replace(
-        recording, time_s=recording.time_s[:length], drive_V=recording.drive_V[:length], sensor=sensor,
+        recording, time_s=time_s, drive_V=np.interp(time_s, since_s, recording.drive_V), sensor=np.mean(every, axis=0),
         drive_monitor_V=None, neighbour_V=None,
     )  # fmt: skip
 

@@ -10,8 +10,8 @@ from typing import Any
 from urllib.parse import quote
 
 from inkjet_env.cli.drive_csv import waveform_files
-from inkjet_env.experiments.tuning.check import REPETITIONS, Measured
-from inkjet_env.experiments.tuning.drop_signal import mean_repetition, predicted_V
+from inkjet_env.experiments.tuning.check import Measured, averaged
+from inkjet_env.experiments.tuning.drop_signal import predicted_V
 from inkjet_env.experiments.tuning.figures import check_figure, check_picture, request_figure, waveforms_figure
 from inkjet_env.experiments.tuning.session import LOG, NAMES, Session, Tuned, name_of_check, requests_of_round
 from inkjet_env.plant.augmented import AugmentedPrinthead
@@ -148,7 +148,8 @@ def tried(session: Session, tuned: Tuned | None, recorded: Sequence[Recording]) 
         figure = None
         if tuned is not None:
             check, window_s = tuned.checks[k], session.settings.window_s
-            taken = mean_repetition(by_name[name_of_check(k + 1, one)], REPETITIONS)
+            taken = by_name[name_of_check(k + 1, one)]
+            taken = averaged(taken, one.as_waveform, tuned.head.frequency_Hz, window_s)
             expected_V = predicted_V(taken, one.as_waveform, tuned.head, window_s)
             figure = check_figure(taken, expected_V, check, window_s)
         rows.append(
@@ -161,8 +162,8 @@ def chosen_picture(session: Session, tuned: Tuned, recorded: Sequence[Recording]
     """The check of the chosen waveform, measured and as each head predicted it."""
     number, proposal = tuned.best + 1, tuned.proposals[tuned.best]
     taken = next(one for one in recorded if one.name == name_of_check(number, proposal))
-    taken = mean_repetition(taken, REPETITIONS)
     window_s = session.settings.window_s
+    taken = averaged(taken, proposal.as_waveform, tuned.head.frequency_Hz, window_s)
     heads: dict[str, Printhead | AugmentedPrinthead] = {"augmented": tuned.head}
     base = session.folder / f"base-{len(session.rounds) - 1}.json"
     if isinstance(tuned.head, AugmentedPrinthead) and base.exists():

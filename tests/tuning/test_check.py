@@ -1,10 +1,12 @@
 """The cost of a waveform as it was recorded on the head, against what it truly costs there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from inkjet_env.experiments.tuning.check import REPETITIONS, check_request, measured, seen
+from inkjet_env.experiments.tuning.check import REPETITIONS, averaged, check_request, measured, seen
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
@@ -69,3 +71,32 @@ def test_a_tie_that_the_noise_decides_is_not_taken_for_the_better_half():
     found = measured(seen(recording, waveform(U2), HEAD, WINDOW_S), HEAD, PeakCost(), WINDOW_S)
     assert min(apart) + 2 < found.cost_V < max(apart) + 2
     assert found.error_V > 3
+
+
+@pytest.mark.parametrize("step", [1.0, 0.4, 1.37])
+def test_a_check_may_be_sampled_by_an_instrument_of_its_own(step):
+    """The mean over the whole repetitions has less noise, whatever the step."""
+    waveform, rig = WAVEFORMS[1], VirtualRig(HEAD, 3, 40.0)
+    request = check_request("check", waveform, HEAD.frequency_Hz, WINDOW_S)
+    whole = rig.record(request, 1)
+    time_s = np.arange(0, whole.time_s[-1] - 1e-4, step * request.step_s)
+    noise = np.random.default_rng(1).normal(0, 0.02, time_s.size)
+    clean = VirtualRig(HEAD, 3, np.inf).record(request, 1)
+    other = replace(
+        clean, time_s=time_s, drive_V=np.interp(time_s, clean.time_s, clean.drive_V),
+        sensor=np.interp(time_s, clean.time_s, clean.sensor) + noise,
+    )  # fmt: skip
+    once = averaged(other, waveform, HEAD.frequency_Hz, WINDOW_S)
+    assert once.time_s.size * once.step_s == pytest.approx(whole.time_s.size * whole.step_s / REPETITIONS)
+    exact = np.interp(once.time_s, clean.time_s, clean.sensor)
+    assert np.std(once.sensor - exact) == pytest.approx(0.02 / np.sqrt(REPETITIONS - 1), rel=0.25)
+    found = measured(seen(other, waveform, HEAD, WINDOW_S), HEAD, PeakCost(), WINDOW_S)
+    assert found.cost_V == pytest.approx(HEAD.respond(waveform).cost(), abs=max(4 * found.error_V, 0.2))
+
+
+def test_a_check_that_is_too_short_is_refused():
+    request = check_request("check", WAVEFORMS[0], HEAD.frequency_Hz, WINDOW_S)
+    taken = VirtualRig(HEAD, 1, 40.0).record(request, 1)
+    short = replace(taken, time_s=taken.time_s[:900], drive_V=taken.drive_V[:900], sensor=taken.sensor[:900])
+    with pytest.raises(ValueError, match=r"check takes .* s, and one repetition of its drive .* s\. Record it again"):
+        seen(short, WAVEFORMS[0], HEAD, WINDOW_S)

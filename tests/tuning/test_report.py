@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from inkjet_env.experiments.tuning import session as session_module
-from inkjet_env.experiments.tuning.check import REPETITIONS, Measured
-from inkjet_env.experiments.tuning.drop_signal import mean_repetition, predicted_V
+from inkjet_env.experiments.tuning.check import Measured, averaged
+from inkjet_env.experiments.tuning.drop_signal import predicted_V
 from inkjet_env.experiments.tuning.exchange import Exchange, WaitingError
 from inkjet_env.experiments.tuning.figures import check_figure, request_figure, waveforms_figure
 from inkjet_env.experiments.tuning.report import distinct, effects_of, headline, page_html, sentences, write_page
@@ -259,7 +259,8 @@ def test_pictures_show_what_was_recorded_beside_what_was_predicted(ended):
     session, tuned = ended
     by_name = {recording.name: recording for recording in session.exchange.recorded}
     proposal, check = tuned.proposals[0], tuned.checks[0]
-    taken = mean_repetition(by_name["check-1-robust"], REPETITIONS)
+    taken = by_name["check-1-robust"]
+    taken = averaged(taken, proposal.as_waveform, tuned.head.frequency_Hz, SETTINGS.window_s)
     expected_V = predicted_V(taken, proposal.as_waveform, tuned.head, SETTINGS.window_s)
     _, signals, residual = check_figure(taken, expected_V, check, SETTINGS.window_s).axes
     seen, modelled = (line.get_ydata() for line in signals.lines)
