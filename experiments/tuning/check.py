@@ -81,7 +81,8 @@ def check_request(name: str, waveform: Waveform, frequency_Hz: float, window_s: 
     """
     step_s, samples = _repetition(waveform, frequency_Hz, window_s)
     time_s = step_s * np.arange(samples)
-    words = f"the waveform {name} {REPETITIONS} times, once every {samples * step_s:.4g} s, to see what it costs on the head"
+    once = f"once every {samples * step_s:.4g} s"
+    words = f"the waveform {name} {REPETITIONS} times, {once}, to see what it costs on the head"
     drive_V = np.tile(waveform.drive_V(time_s), REPETITIONS)
     return Request(name, "self_sensing", "periodic", step_s, drive_V, False, "bipolar", None, words)
 
