@@ -198,7 +198,7 @@ def mean_repetition(recording: Recording, period_s: float) -> Recording:
             "again, as long as it is asked for."
         )
     length = round(period_s / recording.step_s)
-    time_s = period_s / length * np.arange(length)
+    time_s: Real = np.asarray(period_s / length * np.arange(length), dtype=np.float64)
     sensor = CubicSpline(since_s, recording.sensor)
     every = [sensor(time_s + k * period_s) for k in range(repetitions)]
     return replace(
