@@ -140,7 +140,9 @@ class Careful:
     def _costs(self, head: Printhead | AugmentedPrinthead, rows: Real, margins_V: Real) -> Real:
         problem, plain = self.problem, self.problem.cost
         found = np.empty(len(rows))
-        for k, signal in enumerate(predicted_signals(rows, head, problem.initial_state, problem.window_s)):
+        period_s = math.inf if self.shown is None else self.shown.period_s  # as it was recorded
+        signals = predicted_signals(rows, head, problem.initial_state, problem.window_s, period_s)
+        for k, signal in enumerate(signals):
             if self.shown is not None:
                 signal = self.shown.added_to(signal)
             cost = CarefulCost(plain.A, plain.B, plain.effective, plain.target_height_V, float(margins_V[k]), SEARCHED)

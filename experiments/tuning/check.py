@@ -119,7 +119,7 @@ def measured(shown: Shown, head: Printhead | AugmentedPrinthead, cost: PeakCost,
         Time after the start within which peaks count, in seconds.
     """
     rows = shown.waveform.to_array()[None]
-    signal = shown.added_to(next(predicted_signals(rows, head, "periodic", window_s)))
+    signal = shown.added_to(next(predicted_signals(rows, head, "periodic", window_s, shown.period_s)))
     times_s, heights_V = signal.peaks(window_s)
     at_peaks = np.minimum(np.rint(times_s / (shown.time_s[1] - shown.time_s[0])).astype(int), shown.time_s.size - 1)
     rng = np.random.default_rng(0)

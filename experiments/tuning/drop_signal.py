@@ -75,7 +75,11 @@ def without_wiggles(peaks_V: Real, margin_V: float, fewest: int = 0) -> np.ndarr
 
 
 def predicted_signals(
-    rows: Real, head: Printhead | AugmentedPrinthead, initial_state: str, window_s: float
+    rows: Real,
+    head: Printhead | AugmentedPrinthead,
+    initial_state: str,
+    window_s: float,
+    period_s: float = math.inf,
 ) -> Iterator[Signal]:
     """Signals of waveforms on a head, to the end of the window at least.
 
@@ -85,17 +89,17 @@ def predicted_signals(
         Waveforms, in volts and seconds.
     head : Printhead or AugmentedPrinthead
         The head.
-    initial_state, window_s
+    initial_state, window_s, period_s
         As in `Printhead.respond`.
     """
     if isinstance(head, AugmentedPrinthead):
         for row in rows:
-            response = head.respond(Waveform.from_array(row), initial_state, window_s)
+            response = head.respond(Waveform.from_array(row), initial_state, window_s, period_s=period_s)
             yield Signal(response.sensor_at_steps_V, response.step_s)
         return
     step_s = 1 / (SAMPLES_A_PERIOD * head.frequency_Hz)
     time_s = step_s * np.arange(math.ceil(window_s / step_s) + 3)
-    for signal_V in sensitivity.responses(rows, batch.head_table(head), time_s, initial_state):
+    for signal_V in sensitivity.responses(rows, batch.head_table(head), time_s, initial_state, period_s=period_s):
         yield Signal(signal_V, step_s)
 
 
@@ -156,6 +160,11 @@ class Shown:
         clear = uniform_filter1d(clear, max(period // 2, 1), mode="wrap")
         rms_V = float(np.sqrt(np.mean(residual_V**2)))
         return cls(waveform, time_s, clear * smooth_V, clear, noise_V, rms_V, float(np.std(residual_V[at_rest])))
+
+    @property
+    def period_s(self) -> float:
+        """Time of one repetition, in seconds."""
+        return float(self.time_s.size * (self.time_s[1] - self.time_s[0]))
 
     @property
     def error_V(self) -> float:

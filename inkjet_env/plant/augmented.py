@@ -240,6 +240,16 @@ class AugmentedPrinthead:
 
         ``settled``: the resonator is in the steady state of the repeated drive, not at rest.
         """
+        if settled:
+            return self._followed(at_nodes_V, step_s, initial_state, True)
+        # An effect that acts before the drive begins is followed from then on.
+        early = math.ceil(sum(effect.advance_s(values) for effect, values in self.effects) / step_s)
+        from_then_V = np.concatenate([np.full(early * SUBSTEPS, at_nodes_V[0]), at_nodes_V])
+        hysteretic_V, signal = self._followed(from_then_V, step_s, initial_state, False)
+        return hysteretic_V[early:], signal[early:]
+
+    def _followed(self, at_nodes_V: Real, step_s: float, initial_state: str, settled: bool) -> tuple[Real, Real]:
+        """`_answer` from the first node on."""
         plant, head = self.plant, self.printhead
         own = None if self.remainder is None else self.remainder.of("self_sensing")
         first = Excitation(

@@ -263,6 +263,10 @@ class Effect:
         """
         return self.sentence
 
+    def advance_s(self, values: Values) -> float:
+        """Longest time in seconds by which it acts before the drive that causes it, as a clock that is off does."""
+        return 0.0
+
     def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
         """Voltage at the ceramic after this effect, from the voltage before it; both at the nodes, shape (nodes,)."""
         return drive_V

@@ -242,3 +242,15 @@ def shot_of(waveform):
     step_s = 1 / (100 * HEAD.frequency_Hz)
     time_s = np.arange(1500) * step_s
     return Excitation("self_sensing", "demagnetised", step_s, waveform.drive_V(time_s))
+
+
+@pytest.mark.parametrize("delay_s", [-3e-7, -1e-9, 3e-7])
+def test_a_drive_that_comes_early_is_followed_from_where_it_begins(delay_s):
+    """One drop from rest is the first part of a train with long rests, whichever way the clock is off."""
+    head = AugmentedPrinthead(HEAD, ((EFFECTS["trigger_delay"], {"delay_s": delay_s}),))
+    waveform = Waveform(100, -100, 1.02e-6, 9.4e-6, 13.8e-6, 9e-6, 19.5e-6)
+    alone, plain = head.respond(waveform), HEAD.respond(waveform)
+    assert alone.cost() == pytest.approx(head.respond(waveform, period_s=2e-3).cost(), abs=1e-3)
+    assert alone.cost() == pytest.approx(plain.cost(), abs=5e-3)  # a response that is late is as high
+    later_s = np.arange(1, 300) * 1e-6
+    np.testing.assert_allclose(alone.sensor_V(later_s), plain.sensor_V(later_s - delay_s), atol=0.02)

@@ -50,6 +50,9 @@ class TriggerDelay(Effect):
         when = "later" if delay_s > 0 else "earlier"
         return f"The drive reaches the ceramic {with_prefix(abs(delay_s), 's')} {when} than recorded."
 
+    def advance_s(self, values: Values) -> float:
+        return max(-values["delay_s"], 0.0)
+
     def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
         if values["delay_s"] == 0:
             return drive_V
