@@ -30,13 +30,13 @@ TITLES = {"robust": "robust", "fit": "corrected head", "base": "base model", "re
 
 def waveforms_figure(tuned: Tuned, settings: TuneSettings) -> Figure:
     """Drives (left) and predicted responses to a single drop (right), the others' over the chosen waveform's."""
-    figure, (drive, response) = new_figure(10.4, 3.4, ncols=2, width_ratios=[2, 3])
+    figure, (drive, response) = new_figure(10.4, 3.6, ncols=2, width_ratios=[2, 3])
     last_s = max(one.as_waveform.duration_s for one in tuned.proposals)
     time_s = np.linspace(0.0, settings.window_s, 2001)
     for k, one in enumerate(tuned.proposals):
         chosen = k == tuned.best
         label = f"{'chosen: ' if chosen else ''}{TITLES[one.name]}, {number(tuned.checks[k].cost_V)} V on the head"
-        style: Any = {"color": COLOURS[k], "lw": 2.2 if chosen else 1.0, "zorder": 2 if chosen else 3, "label": label}
+        style: Any = {"color": COLOURS[k % len(COLOURS)], "lw": 2.2 if chosen else 1.0, "zorder": 2 if chosen else 3, "label": label}
         knots_s, knots_V = one.as_waveform.knots()
         drive.plot(1e6 * np.append(knots_s, 1.05 * last_s), np.append(knots_V, 0.0), **style)
         predicted = tuned.head.respond(one.as_waveform, window_s=settings.window_s)
@@ -45,9 +45,8 @@ def waveforms_figure(tuned: Tuned, settings: TuneSettings) -> Figure:
     response.set_ylabel("predicted response (V)")
     for panel in (drive, response):
         panel.set_xlabel("time (µs)")
-    figure.legend(
-        *drive.get_legend_handles_labels(), loc="outside upper center", ncols=len(tuned.proposals), frameon=False
-    )
+    handles, labels = drive.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 3), frameon=False)
     return figure
 
 
