@@ -36,7 +36,12 @@ def waveforms_figure(tuned: Tuned, settings: TuneSettings) -> Figure:
     for k, one in enumerate(tuned.proposals):
         chosen = k == tuned.best
         label = f"{'chosen: ' if chosen else ''}{TITLES[one.name]}, {number(tuned.checks[k].cost_V)} V on the head"
-        style: Any = {"color": COLOURS[k % len(COLOURS)], "lw": 2.2 if chosen else 1.0, "zorder": 2 if chosen else 3, "label": label}
+        style: Any = {
+            "color": COLOURS[k % len(COLOURS)],
+            "lw": 2.2 if chosen else 1.0,
+            "zorder": 2 if chosen else 3,
+            "label": label,
+        }
         knots_s, knots_V = one.as_waveform.knots()
         drive.plot(1e6 * np.append(knots_s, 1.05 * last_s), np.append(knots_V, 0.0), **style)
         predicted = tuned.head.respond(one.as_waveform, window_s=settings.window_s)
