@@ -210,14 +210,14 @@ def _print(tuned: Tuned, folder: Path, waveform: Path | None) -> None:
         (
             f"{'→ ' if k == tuned.best else ''}{NAMES[one.name]}", f"{one.predicted_V:.3f}",
             f"{one.low_V:.3f} … {one.high_V:.3f}", f"{check.cost_V:.3f} ± {check.error_V:.3f}",
-            f"{check.worst_V:.3f}",
         )
         for k, (one, check) in enumerate(zip(tuned.proposals, tuned.checks, strict=True))
     ]  # fmt: skip
     print_table(
         ("best waveform of the", "predicted (V)", "90 % of the heads (V)", "on the head (V)", "at worst (V)"), rows
     )
-    best = tuned.proposals[tuned.best]
+    best, check = tuned.proposals[tuned.best], tuned.checks[tuned.best]
+    print(f"If small peaks count that the noise may hide, the chosen one costs {check.worst_V:.3f} V at worst.")
     values = " ".join(f"{v:.6g}" for v in best.waveform)
     print(f"waveform U1 U2 t1 t2 t3 t4 t5: {values}")
     print(f"{folder}: {tuned.recordings} recordings were taken in this session; log.md tells what was done")

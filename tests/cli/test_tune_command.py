@@ -29,6 +29,7 @@ def test_a_printhead_as_rig_gives_a_waveform_a_table_and_json(inkjet, tmp_path, 
     assert out.count("→") == 1
     found = json.loads((tmp_path / "t.json").read_text())
     assert found["format"] == "tune/1"
+    assert f"costs {found['worst_V']:.3f} V at worst" in out
     drive = read_drive(tmp_path / "w.ini")
     assert DriverLimits.from_text(limits).excesses(drive.time_s, drive.drive_V) == []
     assert np.abs(drive.drive_V).max() == pytest.approx(max(map(abs, found["waveform"][:2])))
