@@ -213,9 +213,7 @@ def _print(tuned: Tuned, folder: Path, waveform: Path | None) -> None:
         )
         for k, (one, check) in enumerate(zip(tuned.proposals, tuned.checks, strict=True))
     ]  # fmt: skip
-    print_table(
-        ("best waveform of the", "predicted (V)", "90 % of the heads (V)", "on the head (V)", "at worst (V)"), rows
-    )
+    print_table(("best waveform of the", "predicted (V)", "90 % of the heads (V)", "on the head (V)"), rows)
     best, check = tuned.proposals[tuned.best], tuned.checks[tuned.best]
     print(f"If small peaks count that the noise may hide, the chosen one costs {check.worst_V:.3f} V at worst.")
     values = " ".join(f"{v:.6g}" for v in best.waveform)
