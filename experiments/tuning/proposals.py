@@ -94,7 +94,7 @@ def proposals(
     """
     objectives = objectives_of(problem, base, fit)
     points = best_points(objectives, budget, searches, seed, progress)
-    ordered: dict[str, Real] = {name: points[name] for name in ("robust", "fit", "base") if name in points}
+    ordered = {name: points[name] for name in ("robust", "fit", "base")}
     return tuple(proposal(problem, name, points[name]) for name in distinct(ordered))
 
 

@@ -8,6 +8,7 @@ from inkjet_env.experiments.proof.concealment import conceal, plant_of
 from inkjet_env.experiments.proof.corpus import Draw
 from inkjet_env.experiments.proof.tuning_study import head_row, heads
 from inkjet_env.experiments.proof.waveform_gain import checked
+from inkjet_env.experiments.tuning.check import CHECKED
 from inkjet_env.printhead import Bounds, Printhead
 from inkjet_env.rig import Request, default_battery
 
@@ -49,7 +50,7 @@ def test_each_waveform_is_recorded_and_the_true_cost_of_the_chosen_one_is_told(p
     assert found["cost"] == pytest.approx(plant.peak_cost(np.array(found["waveforms"][found["chosen"]])))
     for name, point in points.items():
         assert found["waveforms"][name] == pytest.approx(Bounds().from_unit(point))
-    risks = {name: cost_V + 0.2 * (worst_V - cost_V) for name, (cost_V, _, worst_V) in found["measured"].items()}
+    risks = {name: cost_V + CHECKED * (worst_V - cost_V) for name, (cost_V, _, worst_V) in found["measured"].items()}
     assert found["chosen"] == min(risks, key=risks.get)
 
 
