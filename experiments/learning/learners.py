@@ -135,28 +135,37 @@ def by_imitation(evaluations: int, seed: int) -> Policy:
     return policy_of_layers(layers, "clip", made)
 
 
+AGENT_HEADS = {"PPO": 512, "SAC": 16}
+"""Number of heads on which an agent acts at once."""
+
+
 def by_agent(algorithm: str, evaluations: int, seed: int) -> Policy:
     """PPO or SAC from Stable-Baselines3, trained on the environment with random heads."""
+    with extra("learning"):
+        from inkjet_env.envs.sb3 import BipolarWaveformVecEnv
+
+    envs = BipolarWaveformVecEnv(AGENT_HEADS[algorithm], context="random")
+    envs.seed(seed)
+    model = agent_on(envs, algorithm, seed)
+    name = f"sb3-{algorithm.lower()}"
+    return policy_of_sb3(model, {"by": name, "evaluations": let_learn(model, evaluations), "seed": seed})
+
+
+def agent_on(envs: Any, algorithm: str, seed: int) -> Any:
+    """PPO or SAC of Stable-Baselines3 with settings for episodes of one step, on any of its vector environments."""
     with extra("learning"):
         import stable_baselines3
         import torch
         from torch import nn
 
-    from inkjet_env.envs.sb3 import BipolarWaveformVecEnv
-
     torch.set_num_threads(1)
-    ppo = algorithm == "PPO"
-    envs = BipolarWaveformVecEnv(512 if ppo else 16, context="random")
-    envs.seed(seed)
     network = {"net_arch": list(HIDDEN), "activation_fn": nn.Tanh}
     options: dict[str, Any] = (
         {"n_steps": 1, "batch_size": 512, "learning_rate": 1e-3, "policy_kwargs": network | {"log_std_init": -0.7}}
-        if ppo
+        if algorithm == "PPO"
         else {"train_freq": 1, "gradient_steps": 4, "batch_size": 256, "gamma": 0.0, "policy_kwargs": network}
     )
-    model = getattr(stable_baselines3, algorithm)("MlpPolicy", envs, seed=seed, device="cpu", **options)
-    name = f"sb3-{algorithm.lower()}"
-    return policy_of_sb3(model, {"by": name, "evaluations": let_learn(model, evaluations), "seed": seed})
+    return getattr(stable_baselines3, algorithm)("MlpPolicy", envs, seed=seed, device="cpu", **options)
 
 
 def let_learn(model: Any, evaluations: int) -> int:
