@@ -2,13 +2,15 @@
 
 ``python -m inkjet_env.experiments.learning.few_shot`` compares optimisers that spend the tries from scratch, one
 waveform for all heads, CMA-ES started from it, a fixed list of waveforms, unchanged or stretched to the ringing period
-measured after a pulse, a trained agent that observes the peaks, and the model-based tuner ``tune``, which weighs
-simulated heads by the peaks it reads and fires the waveform that is best on them; all on the same unseen heads. The
-cost of learning is counted in evaluations; everything that learns is trained several times. A folder stores policies
-and results."""
+measured after a pulse, Bayesian optimisation with a prior that is learnt from other heads, a trained agent that
+observes the peaks, and the model-based tuner ``tune``, which weighs simulated heads by the peaks it reads and fires
+the waveform that is best on them; all on the same unseen heads, and also where readings are noisier and heads lie
+further out than anybody was prepared for. The cost of learning is counted in evaluations; everything that learns is
+trained several times. A folder stores policies and results."""
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from inkjet_env.envs.tune_waveform import TRIES, TuneWaveformVectorEnv
+from inkjet_env.envs.tune_waveform import NOISE_V, TRIES, TuneWaveformVectorEnv
 from inkjet_env.experiments.learning.few_shot_tuners import (
     SCRATCH,
     Agent,
@@ -28,6 +30,7 @@ from inkjet_env.experiments.learning.few_shot_tuners import (
     trained_agent,
 )
 from inkjet_env.experiments.learning.heads import TEST_SEED, Heads
+from inkjet_env.experiments.learning.learnt_prior import learnt_prior
 from inkjet_env.experiments.learning.model_based_tuner import ModelBasedTuner
 from inkjet_env.experiments.learning.repeated_training import (
     Arrays,
@@ -47,29 +50,37 @@ from inkjet_env.storage import json_text, write_atomically
 from inkjet_env.typing import Real
 
 MODULE = "inkjet_env.experiments.learning.few_shot"
-FORMAT = "few-tries/3"
+FORMAT = "few-tries/4"
 TITLE = "A few tries on an unknown head"
-AGENT, FOR_ALL, LISTS, MODEL_BASED = "sb3-ppo", "one for all", "lists", "tune"
+AGENT, FOR_ALL, LISTS, PRIOR, MODEL_BASED = "sb3-ppo", "one for all", "lists", "learnt prior", "tune"
 REFERENCE = "list, stretched"
 """Baseline of least effort with which all are compared."""
-LEARNT = (AGENT, FOR_ALL, LISTS)
-"""Methods that learn or collect waveforms from a seed; each of the last two gives two tuning strategies."""
+LEARNT = (AGENT, FOR_ALL, LISTS, PRIOR)
+"""Methods that learn or collect waveforms from a seed; each of the middle two gives two tuning strategies."""
 LEARNING = "evaluations to learn"
 SHOWN = (1, 3, TRIES)
 """Numbers of tries after which the tables show the regret."""
+AS_EXPECTED = "as expected"
+BENCHES: dict[str, tuple[float, float]] = {
+    AS_EXPECTED: (1.0, 1.0),
+    "noise × 3": (1.0, 3.0),
+    "heads beyond": (1.5, 1.0),
+}
+"""Where everybody is tested, without being told: how far the heads lie from the middle of their ranges, and the errors
+of reading, both as multiples of what the environment draws."""
 
 
-def heads_on_the_bench(heads: int, seed: int) -> Heads:
-    """The heads that the environment draws with that seed."""
+def heads_on_the_bench(heads: int, seed: int, spread: float = 1.0) -> Heads:
+    """The heads that the environment draws with that seed, so many times as far from the middle of their ranges."""
     envs = TuneWaveformVectorEnv(heads)
     envs.reset(seed=seed)
-    return Heads(envs.tuning.contexts.copy())
+    return Heads((spread * envs.tuning.contexts).astype(np.float32))
 
 
 def tested(
     folder: Path, way: str, training: int, evaluations: int, seed: int, heads: int, tries: int, test_seed: int
 ) -> Arrays:
-    """Learn with a seed and tune; return by tuner the true costs in volts after each try, shape (heads, tries).
+    """Learn with a seed and tune; return by bench and tuner the true costs in volts after each try, (heads, tries).
 
     A cost is that of the waveform kept so far; the entry `LEARNING` is the number of evaluations that learning took.
     Result and policy are stored in the folder; what is stored there is reused.
@@ -88,14 +99,27 @@ def tested(
             tuners, spent = for_all(heads, tries, seed)
         elif way == LISTS:
             tuners, spent = lists(tries, seed)
+        elif way == PRIOR:
+            optimiser, spent = learnt_prior(seed)
+            tuners = {PRIOR: optimiser}
         elif way == MODEL_BASED:
             tuners, spent = {MODEL_BASED: ModelBasedTuner(seed)}, 0
         else:
             tuners, spent = scratch(way, heads, tries, seed), 0
-        kept = {name: kept_costs_V(tuner, heads, tries, test_seed) for name, tuner in tuners.items()}
+        kept = {
+            _entry(bench, name): kept_costs_V(
+                copy.deepcopy(tuner), heads, tries, test_seed, spread, noise=times * NOISE_V
+            )
+            for bench, (spread, times) in BENCHES.items()
+            for name, tuner in tuners.items()
+        }
         return {**kept, LEARNING: np.array(spent)}
 
     return kept_arrays(folder / f"{file}-tested.npz", {**asked, "way": way, "heads": heads, "on": test_seed}, make)
+
+
+def _entry(bench: str, name: str) -> str:
+    return f"{bench}: {name}"
 
 
 def study(
@@ -124,7 +148,6 @@ def study(
         Seed of the study, number of trainings of each method, number of processes, and number of tries per head.
     """
     test_seed = TEST_SEED + seed
-    best_V = best_costs_V(folder, heads_on_the_bench(heads, test_seed), labelling, seed)
     jobs = {
         f"{way}, training {k}": (folder, way, k, evaluations, one, heads, tries, test_seed)
         for way in LEARNT
@@ -133,23 +156,37 @@ def study(
     found = each("few tries", tested, jobs, workers)
     kept_V: dict[str, Real] = {}
     learning: dict[str, int] = {}
+    trained: dict[str, int] = {}
     for way in (*SCRATCH, MODEL_BASED, *LEARNT):
         some = [found[job] for job, arguments in jobs.items() if arguments[1] == way]
         spent = [float(one.pop(LEARNING)) for one in some]
-        for name in some[0]:
-            kept_V[name] = np.array([one[name] for one in some])
-            learning[name] = round(float(np.mean(spent)))
-    least_V = np.min([best_V, *(kept.min(axis=(0, 2)) for kept in kept_V.values())], axis=0)
-    regrets_V = {name: kept - least_V[:, None] for name, kept in kept_V.items()}
-    rng = np.random.default_rng(seed)
-    rows = []
-    for name, regret_V in regrets_V.items():
+        for entry in some[0]:
+            kept_V[entry] = np.array([one[entry] for one in some])
+            name = entry.partition(": ")[2]
+            learning[name], trained[name] = round(float(np.mean(spent))), len(some)
+    rows: dict[str, dict[str, Any]] = {
+        name: {"name": name, "learning": learning[name], "trainings": trained[name]} for name in learning
+    }
+    nothing_V = {}
+    for bench, (spread, _) in BENCHES.items():
+        known = folder if spread == 1.0 else folder / bench.replace(" ", "-")
+        known.mkdir(exist_ok=True)
+        best_V = best_costs_V(known, heads_on_the_bench(heads, test_seed, spread), labelling, seed)
+        mine_V = {name: kept_V[_entry(bench, name)] for name in rows}
+        least_V = np.min([best_V, *(kept.min(axis=(0, 2)) for kept in mine_V.values())], axis=0)
+        nothing_V[bench] = float(np.median(-least_V))
+        rng = np.random.default_rng(seed)
         counts = sorted({min(count, tries) for count in SHOWN})
-        row: dict[str, Any] = {"name": name, "learning": learning[name], "trainings": len(regret_V)}
-        row["after"] = {str(count): median_of(regret_V[..., count - 1], rng) for count in counts}
-        if name != REFERENCE:
-            row["behind"] = median_difference(regret_V[..., -1], regrets_V[REFERENCE][..., -1], rng)
-        rows.append(row)
+        reference_V = mine_V[REFERENCE] - least_V[:, None]
+        for name, row in rows.items():
+            regret_V = mine_V[name] - least_V[:, None]
+            told: dict[str, Any] = {"after": {str(count): median_of(regret_V[..., count - 1], rng) for count in counts}}
+            if name != REFERENCE:
+                told["behind"] = median_difference(regret_V[..., -1], reference_V[..., -1], rng)
+            if bench == AS_EXPECTED:
+                row |= told
+            else:
+                row.setdefault("elsewhere", {})[bench] = told
     content = {
         "format": FORMAT,
         "heads": heads,
@@ -158,8 +195,8 @@ def study(
         "labelling": labelling,
         "seed": seed,
         "trainings": trainings,
-        "nothing_V": float(np.median(-least_V)),
-        "rows": rows,
+        "nothing_V": nothing_V,
+        "rows": list(rows.values()),
     }
     write_atomically(folder / "few_tries.json", json_text(content))
     return content
@@ -174,19 +211,22 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
             *map(with_interval, row["after"].values()),
             spread_of(row["after"][counts[-1]]["each"]),
             with_interval(row.get("behind")),
+            *(with_interval(told["after"][count]) for told in row["elsewhere"].values() for count in counts[1:]),
         )
         for row in sorted(found["rows"], key=lambda row: float(row["after"][counts[-1]]["value"]))
     ]  # fmt: skip
     after = (f"after {count}" for count in counts)
     ends = (f"range of trainings, after {counts[-1]}", f"above {REFERENCE}, after {counts[-1]}")
-    return ("method", "training evaluations", *after, *ends), rows
+    elsewhere = (f"after {count}, {bench}" for bench in found["rows"][0]["elsewhere"] for count in counts[1:])
+    return ("method", "training evaluations", *after, *ends, *elsewhere), rows
 
 
 def legend(found: Mapping[str, Any]) -> str:
     """Explanation of the table's numbers."""
     return (
-        f"Median regret in volts {over(found['heads'], found['trainings'])}. Without any drive it "
-        f"is {found['nothing_V']:.2f} V."
+        f"Median regret in volts {over(found['heads'], found['trainings'])}. Without any drive it is "
+        + "; ".join(f"{volts:.2f} V {bench}" for bench, volts in found["nothing_V"].items())
+        + "."
     )
 
 

@@ -226,13 +226,16 @@ def trained_agent(evaluations: int, tries: int, seed: int) -> Policy:
     return policy_of_sb3(model, made, names)
 
 
-def kept_costs_V(tuner: TuningStrategy, count: int, tries: int, seed: int, **options: Any) -> Real:
+def kept_costs_V(tuner: TuningStrategy, count: int, tries: int, seed: int, spread: float = 1.0, **options: Any) -> Real:
     """True cost in volts of the waveform kept after each try, shape (count, tries); the seed determines the heads.
 
+    Their parameters are ``spread`` times as far from the middle of their ranges as the environment draws them;
     ``options`` are further ones of the environment.
     """
     envs = TuneWaveformVectorEnv(count, tries=tries, **options)
     observations, _ = envs.reset(seed=seed)
+    if spread != 1.0:
+        envs.tuning.put_on_the_bench(spread * envs.tuning.contexts)
     kept = np.empty((count, tries))
     for k in range(tries):
         actions = np.asarray(tuner.fire(observations), dtype=np.float32)

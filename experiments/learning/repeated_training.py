@@ -45,7 +45,7 @@ SOURCES = (
     *("inkjet_env/*.py", "inkjet_env/printhead/**/*.py", "inkjet_env/plant/**/*.py", "inkjet_env/envs/**/*.py"),
     "optimizers/**/*.py",
     *(f"experiments/learning/{name}.py" for name in ("heads", "learners", "policies", "few_shot_tuners")),
-    *(f"experiments/learning/{name}.py" for name in ("model_based_tuner", "possible_heads")),
+    *(f"experiments/learning/{name}.py" for name in ("model_based_tuner", "possible_heads", "learnt_prior")),
     "experiments/tuning/proposals.py",
 )
 """Files that determine the numbers of a study."""

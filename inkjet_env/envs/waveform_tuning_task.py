@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from inkjet_env.envs.given_heads import GivenHeads, HeadsOption
 from inkjet_env.envs.task import Readings, WaveformTask, make_task
@@ -105,9 +105,29 @@ class WaveformTuningTask:
         if self.given is not None:
             self.numbers[rows] = self.given.drawn(generators)
             return
-        self.contexts = self.contexts.copy()
-        self.contexts[rows] = self.task.contexts(generators)
-        self._heads = self.task.heads(self.contexts)
+        contexts = self.contexts.copy()
+        contexts[rows] = self.task.contexts(generators)
+        self.put_on_the_bench(contexts)
+
+    def put_on_the_bench(self, contexts: ArrayLike) -> None:
+        """Have these heads on the bench from now on, instead of those that were drawn.
+
+        Parameters
+        ----------
+        contexts : array_like, shape (N, 4)
+            The heads as ``context="random"`` shows them; beyond ±1 they are outside the ranges of drawn heads.
+
+        Raises
+        ------
+        ValueError
+            The heads on the bench are given ones, or the shape is another.
+        """
+        if self.given is not None:
+            raise ValueError("the heads on the bench are those of the option heads; give others there.")
+        placed = np.array(contexts, dtype=np.float32)
+        if placed.shape != (self.count, 4):
+            raise ValueError(f"contexts must have shape ({self.count}, 4); got {placed.shape}.")
+        self.contexts, self._heads = placed, self.task.heads(placed)
 
     def fire(
         self,

@@ -82,9 +82,9 @@ def test_studies_stand_in_it_as_they_are_printed(tmp_path, capsys):
     interval = {"value": 1.5, "low": 1.0, "high": 2.0}
     learnt = {"format": amortised.FORMAT, "heads": 3, "trainings": 1}
     learnt["rows"] = [{"name": "cma-es", "trained": 0, "50": interval, "behind": {"50": interval}}]
-    tried = {"format": few_shot.FORMAT, "heads": 3, "trainings": 2, "nothing_V": 17.0}
+    tried = {"format": few_shot.FORMAT, "heads": 3, "trainings": 2, "nothing_V": {"as expected": 17.0}}
     tried["rows"] = [
-        {"name": name, "learning": 0, "after": {"10": interval | {"value": v, "each": each}}}
+        {"name": name, "learning": 0, "elsewhere": {}, "after": {"10": interval | {"value": v, "each": each}}}
         for name, v, each in (("b", 2.0, [2.0]), ("a", 1.0, [0.5, 1.5]))
     ]
     (tmp_path / "amortised.json").write_text(json.dumps(learnt))

@@ -11,7 +11,8 @@ from gymnasium.vector import AutoresetMode
 
 import inkjet_env
 from inkjet_env.envs.sb3 import TuneWaveformVecEnv
-from inkjet_env.printhead import Waveform, batch
+from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
+from inkjet_env.printhead import Printhead, Waveform, batch
 
 OPTIONS = ({}, {"tries": 3, "peaks": 20, "noise": 0.0}, {"noise": 0.3, "window_s": float("inf")})
 HEADS, SEED = 4, 21
@@ -109,6 +110,24 @@ def test_the_best_of_what_was_fired_is_kept():
     env.action_space.seed(2)
     kept = [env.step(env.action_space.sample())[4]["kept_cost"] for _ in range(10)]
     assert (np.diff(kept) <= 0).all()
+
+
+def test_heads_that_are_put_on_the_bench_are_those_that_answer():
+    envs = TuneWaveformVectorEnv(3, noise=0.0)
+    envs.reset(seed=0)
+    contexts = np.array([[1.5, 0, 0, 0], [-1.5, 0, 0, 1.2], [0, 0, 0, 0]], dtype=np.float32)
+    envs.tuning.put_on_the_bench(contexts)
+    actions = np.tile([0.9, -0.9, -0.8, 0.1, 0.2, 0.1, 0.6], (3, 1)).astype(np.float32)
+    *_, infos = envs.step(actions)
+    for k, waveform in enumerate(infos["waveform"]):
+        head = envs.tuning.task.head(contexts[k])
+        assert infos["cost"][k] == pytest.approx(head.respond(Waveform.from_array(waveform)).cost(), abs=1e-9)
+    assert envs.tuning.task.head(contexts[0]).frequency_Hz == pytest.approx(78750)
+    with pytest.raises(ValueError, match=r"shape \(3, 4\)"):
+        envs.tuning.put_on_the_bench(contexts[:2])
+    given = TuneWaveformVectorEnv(3, heads=[Printhead.published()])
+    with pytest.raises(ValueError, match="option heads"):
+        given.tuning.put_on_the_bench(contexts)
 
 
 def test_an_episode_has_as_many_tries_as_asked_for():

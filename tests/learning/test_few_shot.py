@@ -116,6 +116,8 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
     few = functools.partial(few_shot_tuners.one_for_all, heads=8, waveforms=300)
     monkeypatch.setattr(few_shot_tuners, "one_for_all", few)
     monkeypatch.setattr(few_shot, "ModelBasedTuner", functools.partial(few_shot.ModelBasedTuner, budget=50))
+    prior = functools.partial(few_shot.learnt_prior, sampled=50, evaluations=1500)
+    monkeypatch.setattr(few_shot, "learnt_prior", prior)
     arguments = ["--folder", str(tmp_path), "--evaluations", "2560", "--heads", "4", "--labelling", "2"]
     arguments += ["--trainings", "2", "--workers", "1"]
     few_shot.main(arguments)
@@ -129,11 +131,15 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
     assert learning["random"] == learning["cma-es of 4"] == learning["tune"] == 0
     assert learning["one for all"] == learning["cma-es from one for all"] > 0
     assert learning["list"] == learning["list, stretched"] >= 1500
+    assert learning["learnt prior"] >= 1500 + 9 * 50
     assert len({*next(row for row in found["rows"] if row["name"] == "list")["after"]["10"]["each"]}) == 2
     assert learning["sb3-ppo"] == 2560
     for row in found["rows"]:
         medians = [row["after"][count]["value"] for count in ("1", "3", "10")]
-        assert 0 <= min(medians) <= max(medians) < found["nothing_V"] + 0.5  # as far as errors of reading mislead
+        nothing_V = found["nothing_V"]["as expected"]
+        assert 0 <= min(medians) <= max(medians) < nothing_V + 0.5  # as far as errors of reading mislead
+        assert set(row["elsewhere"]) == {"noise × 3", "heads beyond"}
+        assert row["after"] != row["elsewhere"]["heads beyond"]["after"]
         assert (
             len(row["after"]["10"]["each"])
             == row["trainings"]
