@@ -66,6 +66,7 @@ def minimise_late(
     *,
     slots: int,
     attempts: int = 3,
+    by_batch: bool = False,
     recorded: Sequence[Reading] = (),
     on_reading: Callable[[LateRun], object] | None = None,
 ) -> LateRun:
@@ -88,9 +89,11 @@ def minimise_late(
     attempts : int
         How often an evaluation whose reading is lost is started. Then it counts with the worst cost that was read
         before, so that the search leaves that place.
+    by_batch : bool
+        Have an optimiser that takes costs in any order wait for whole batches, too.
     recorded : sequence of Reading, optional
-        Readings of an interrupted run of the same optimiser with the same seed, slots and attempts. They are not taken
-        again; evaluations that were under way are started anew.
+        Readings of an interrupted run of the same optimiser with the same seed, slots, attempts and batches. They are
+        not taken again; evaluations that were under way are started anew.
     on_reading : callable, optional
         Called after every reading with the run so far.
 
@@ -116,7 +119,9 @@ def minimise_late(
             raise ValueError(f"{optimizer.name} must be fresh and have the budget of the run, {budget}.")
         if optimizer.uses_gradient:
             raise ValueError(f"{optimizer.name} needs gradients, which benches do not read. Use another optimiser.")
-        late = _Late(benches, optimizer, checked_count("slots", slots), checked_count("attempts", attempts), recorded)
+        in_any_order = optimizer.in_any_order and not by_batch
+        counts = checked_count("slots", slots), checked_count("attempts", attempts)
+        late = _Late(benches, optimizer, *counts, in_any_order, recorded)
         try:
             while late.count < optimizer.budget:
                 late.fill()
@@ -134,9 +139,16 @@ class _Late:
     """The evaluations of one run: those that wait for a free slot, those under way, and those that are read."""
 
     def __init__(
-        self, benches: Benches, optimizer: Optimizer, slots: int, attempts: int, recorded: Sequence[Reading]
+        self,
+        benches: Benches,
+        optimizer: Optimizer,
+        slots: int,
+        attempts: int,
+        in_any_order: bool,
+        recorded: Sequence[Reading],
     ) -> None:
         self.benches, self.optimizer, self.slots, self.attempts = benches, optimizer, slots, attempts
+        self.in_any_order = in_any_order
         self.points: list[Real] = []
         self.waiting: list[int] = []
         self.started: dict[int, int] = {}
@@ -168,7 +180,7 @@ class _Late:
 
     def _ask(self) -> bool:
         """Ask for more points; False if the optimiser has none before another reading comes."""
-        if self.optimizer.in_any_order:
+        if self.in_any_order:
             if len(self.points) == self.optimizer.budget or (point := self.optimizer.ask_another()) is None:
                 return False
             asked = [point]
@@ -213,7 +225,7 @@ class _Late:
         self.order.append(number)
         self.costs.append(cost)
         self.lost.append(lost)
-        if self.optimizer.in_any_order:
+        if self.in_any_order:
             self.optimizer.tell_another(self.points[number], cost)
             return
         self.batch[number] = cost

@@ -115,11 +115,10 @@ def test_with_one_instrument_that_loses_nothing_it_finds_as_much_as_the_loop_tha
 
 def test_instruments_are_at_work_while_any_order_will_do_and_wait_for_a_batch_otherwise():
     shares = []
-    for in_any_order in (True, False):
+    for by_batch in (False, True):
         optimizer = optimizers.make("pso", budget=400, seed=1)
-        optimizer.in_any_order = in_any_order
         benches = LateBenches(Problem("nominal"), seed=2)
-        run = minimise_late(benches, optimizer, 400, slots=8)
+        run = minimise_late(benches, optimizer, 400, slots=8, by_batch=by_batch)
         assert 0 < np.isnan([reading.cost for reading in run.readings]).sum() < 60  # 5 % are lost, and taken again
         shares.append(benches.busy_s / (8 * benches.now_s))
     assert shares[0] > 0.9

@@ -24,15 +24,14 @@ ENTRANTS = ("random", "pso", "cma-es", "nevergrad-TwoPointsDE", "nevergrad-NGOpt
 PROBLEM = "nominal"
 
 
-def repeated(name: str, in_any_order: bool, slots: int, budget: int, repeats: int) -> tuple[float, float, float]:
+def repeated(name: str, by_batch: bool, slots: int, budget: int, repeats: int) -> tuple[float, float, float]:
     """Medians over the repeats of lowest cost in volts and time in readings' median, and the share of time at work."""
     costs, times_s, busy = [], [], []
     for seed in range(repeats):
         benches = LateBenches(problem(PROBLEM), seed)
         options = {"workers": slots} if name.startswith("nevergrad") else {}
         optimizer = optimizers.make(name, budget=budget, seed=seed, **options)
-        optimizer.in_any_order = in_any_order  # type: ignore[misc]
-        costs.append(minimise_late(benches, optimizer, budget, slots=slots).best_cost)
+        costs.append(minimise_late(benches, optimizer, budget, slots=slots, by_batch=by_batch).best_cost)
         times_s.append(benches.now_s)
         busy.append(benches.busy_s / (slots * benches.now_s))
     return float(np.median(costs)), float(np.median(times_s)), float(np.mean(busy))
@@ -45,13 +44,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--budget", type=int, default=2000, help="evaluations of a run")
     parser.add_argument("--repeats", type=int, default=15, help="number of runs")
     asked = parser.parse_args(arguments)
-    ways = [(name, order) for name in ENTRANTS for order in (False, True)]
-    ways = [way for way in ways if not way[1] or optimizers.make(way[0], budget=2).in_any_order]
+    ways = [(name, by_batch) for name in ENTRANTS for by_batch in (True, False)]
+    ways = [way for way in ways if way[1] or optimizers.make(way[0], budget=2).in_any_order]
     rows = []
     with shown_progress("late readings", len(ways)) as progress:
-        for done, (name, order) in enumerate(ways, start=1):
-            cost_V, time_s, busy = repeated(name, order, asked.slots, asked.budget, asked.repeats)
-            told = "one by one" if order else "batch by batch"
+        for done, (name, by_batch) in enumerate(ways, start=1):
+            cost_V, time_s, busy = repeated(name, by_batch, asked.slots, asked.budget, asked.repeats)
+            told = "batch by batch" if by_batch else "one by one"
             rows.append((name, told, f"{cost_V:.2f}", f"{time_s:.0f}", f"{100 * busy:.0f} %"))
             progress(done)
     print_table(("optimiser", "told", "lowest cost (V)", "time (median readings)", "instruments at work"), rows)
