@@ -49,11 +49,12 @@ class Entrant:
     optimizer: str
     options: dict[str, Any] = field(default_factory=dict)
 
-    def made(self, budget: int, seed: int) -> Any:
-        """A new instance of the optimiser."""
+    def made(self, budget: int, seed: int, beside: int = 0) -> Any:
+        """A new instance of the optimiser, for as many evaluations beside each other; nevergrad must be told."""
         from inkjet_env import optimizers
 
-        return optimizers.make(self.optimizer, budget=budget, seed=seed, **self.options)
+        told = {"workers": beside} if beside and self.optimizer.startswith("nevergrad-") else {}
+        return optimizers.make(self.optimizer, budget=budget, seed=seed, **self.options | told)
 
     @property
     def remark(self) -> str:

@@ -127,6 +127,9 @@ class Problem:
         How their costs are judged; see `inkjet_env.plant.head_ensemble.RISKS`.
     known : BestKnown, optional
         The best known waveform of a problem that is not of the suite, from which a comparison counts regrets.
+    instruments : int
+        Number of instruments that read costs beside each other in a comparison, whose readings come late, in another
+        order or never; see `inkjet_env.experiments.benchmark.late_benches`. 0: one waveform after another.
     """
 
     name: str
@@ -142,6 +145,7 @@ class Problem:
     ensemble: HeadEnsemble | None = None
     risk: str = "mean"
     known: BestKnown | None = field(default=None, compare=False)
+    instruments: int = 0
 
     def __post_init__(self) -> None:
         if isinstance(self.printhead, AugmentedPrinthead) and (self.spread or self.measurement_noise_V):
@@ -163,12 +167,16 @@ class Problem:
             raise ValueError("an ensemble cannot be combined with jetting_Hz, spread or measurement_noise_V.")
         if self.pulses and isinstance(self.printhead, AugmentedPrinthead):
             raise ValueError("a printhead with effects cannot be combined with pulses.")
+        if self.instruments < 0 or (self.instruments and self.measurement_noise_V):
+            raise ValueError(
+                f"instruments must be 0 or more, and not with measurement_noise_V; got {self.instruments}."
+            )
 
     @property
     def has_gradient(self) -> bool:
         """Whether gradients are available: only for heads without effects, exact costs and drivers without limits."""
         effects = isinstance(self.printhead, AugmentedPrinthead) or self.ensemble is not None
-        return not (effects or self.measurement_noise_V or self.bounds.limits)
+        return not (effects or self.measurement_noise_V or self.bounds.limits or self.instruments)
 
     @functools.cached_property
     def _heads(self) -> Real:
@@ -232,6 +240,8 @@ class Problem:
 
         if self.measurement_noise_V:
             raise ValueError("noisy peak readings have no gradients. Use an optimiser that needs none, such as pso.")
+        if self.instruments:
+            raise ValueError("instruments read no gradients. Use an optimiser that needs none, such as pso.")
         if self.bounds.limits is not None:
             raise ValueError(
                 "waveforms within a driver's limits have no gradients. Use an optimiser that needs none, such as pso."
@@ -326,6 +336,7 @@ class Problem:
             settings.get("pulses", 0),
             ensemble_of(settings),
             settings.get("risk", "mean"),
+            instruments=settings.get("instruments", 0),
         )
 
     def settings(self) -> dict[str, Any]:
@@ -348,6 +359,8 @@ class Problem:
             more["reading_V"] = self.measurement_noise_V  # the key in stored files
         if self.spread:
             more["spread"] = asdict(self.spread)
+        if self.instruments:
+            more["instruments"] = self.instruments
         if self.bounds.limits is not None:
             more["limits"] = self.bounds.limits.as_json()
         settings = {

@@ -88,14 +88,23 @@ class RunResult:
     points: Real
 
     @classmethod
-    def of(cls, key: RunKey, points: Real, told_V: Real) -> RunResult:
-        """The run with these evaluations, in order."""
+    def of(cls, key: RunKey, points: Real, told_V: Real, spent: NDArray[np.int64] | None = None) -> RunResult:
+        """The run with these evaluations, in order.
+
+        Where instruments work beside each other, ``spent`` is the time of each in evaluations, and what came after as
+        many as there are does not count.
+        """
         best = np.minimum.accumulate(told_V)
         better = np.flatnonzero(np.concatenate([[True], told_V[1:] < best[:-1]]))
+        counts = better + 1
+        if spent is not None:
+            counts = spent[better]
+            last = np.append(np.diff(counts) > 0, True) & (counts <= len(told_V))  # of those at the same time
+            better, counts = better[last], counts[last]
         kept = points[better]
         of = problem(key.problem)
         costs_V = of.evaluate(kept) if of.measurement_noise_V else told_V[better].copy()
-        return cls(key, len(told_V), better + 1, told_V[better].copy(), costs_V, kept)
+        return cls(key, len(told_V), counts, told_V[better].copy(), costs_V, kept)
 
     def kept_V(self, evaluations: ArrayLike) -> Real:
         """True cost in volts of the best waveform reported up to each number of evaluations, same shape."""

@@ -46,6 +46,9 @@ def families() -> Mapping[str, tuple[Problem, ...]]:
         Drops at a jetting frequency, in the steady state: each waveform starts in the ringing of those before it.
     ``greyscale``
         Two to seven drops, 35 µs apart, that merge to one dot; see `inkjet_env.experiments.benchmark.grey_level`.
+    ``late``
+        The named number of instruments read beside each other; their readings come late, in another order or never,
+        and time is what a search spends; see `inkjet_env.experiments.benchmark.late_benches`.
     ``augmented``
         Heads with an effect, as a diagnosis found them; see `inkjet_env.experiments.benchmark.augmented_heads`.
     """
@@ -80,6 +83,7 @@ def families() -> Mapping[str, tuple[Problem, ...]]:
             Problem(f"greyscale-{pulses}", bounds=_durations(7e-6), jetting_Hz=1 / 35e-6, pulses=pulses)
             for pulses in range(2, 8)
         ),
+        "late": tuple(Problem(f"late-{count}", instruments=count) for count in (8, 32)),
         "augmented": tuple(Problem(name, augmented_head(name)) for name in HEADS),
     }
 

@@ -107,9 +107,9 @@ def test_the_best_waveform_of_a_wanted_drop_reaches_its_height(name):
     assert np.abs(peaks_V).max() >= solved.cost.target_height_V - 1e-6
 
 
-def test_what_is_read_with_errors_has_the_best_waveform_of_what_is_read_without():
+def test_how_costs_are_read_does_not_change_the_best_waveform():
     exact = problem("nominal").best_known.cost
-    for name in ("reading-50mV", "reading-200mV"):
+    for name in ("reading-50mV", "reading-200mV", "late-8", "late-32"):
         assert problem(name).best_known.cost == pytest.approx(exact, abs=1e-6)
 
 
