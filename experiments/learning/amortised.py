@@ -27,6 +27,7 @@ from inkjet_env.experiments.learning.learners import LEARNERS, Begun, Table, one
 from inkjet_env.experiments.learning.repeated_training import (
     RESAMPLES,
     Arrays,
+    ResultTable,
     best_costs_V,
     each,
     kept_arrays,
@@ -231,8 +232,8 @@ def study(
     return content
 
 
-def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Header and rows of a study's table."""
+def result_tables(found: Mapping[str, Any]) -> tuple[ResultTable]:
+    """The table of a study."""
 
     def volts(entry: Mapping[str, float] | None) -> str:
         return with_interval(entry, ".3g", "–")
@@ -246,7 +247,7 @@ def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ..
         rows.append((row["name"], f"{row['trained']:,}", *medians, spread, later, pays))
     after = (f"after {b:,}" for b in (0, *BUDGETS))
     ends = ("range of trainings, after 0", f"above {REFERENCE}, after {BUDGETS[0]}", "pays from … heads")
-    return ("method", "training evaluations", *after, *ends), rows
+    return ((("method", "training evaluations", *after, *ends), rows),)
 
 
 def heads_from(even: Mapping[str, float | None], at_most: float) -> str:
@@ -280,7 +281,7 @@ def legend(found: Mapping[str, Any]) -> str:
 
 def main(arguments: list[str] | None = None) -> None:
     """Train, test and print the results."""
-    run_command(MODULE, Path("results/amortised"), __doc__, 200_000, 100, study, table, legend, arguments)
+    run_command(MODULE, Path("results/amortised"), __doc__, 200_000, 100, study, result_tables, legend, arguments)
 
 
 if __name__ == "__main__":

@@ -34,6 +34,7 @@ from inkjet_env.experiments.learning.learnt_prior import learnt_prior
 from inkjet_env.experiments.learning.model_based_tuner import ModelBasedTuner
 from inkjet_env.experiments.learning.repeated_training import (
     Arrays,
+    ResultTable,
     best_costs_V,
     each,
     kept_arrays,
@@ -202,23 +203,25 @@ def study(
     return content
 
 
-def table(found: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Header and rows of a study's table, the best after the last try first."""
+def result_tables(found: Mapping[str, Any]) -> tuple[ResultTable, ResultTable]:
+    """Tables of a study, the best after the last try first: where all is as expected, and elsewhere."""
     counts = tuple(found["rows"][0]["after"])
+    ordered = sorted(found["rows"], key=lambda row: float(row["after"][counts[-1]]["value"]))
     rows = [
         (
-            row["name"], f"{row['learning']:,}",
-            *map(with_interval, row["after"].values()),
-            spread_of(row["after"][counts[-1]]["each"]),
-            with_interval(row.get("behind")),
-            *(with_interval(told["after"][count]) for told in row["elsewhere"].values() for count in counts[1:]),
+            row["name"], f"{row['learning']:,}", *map(with_interval, row["after"].values()),
+            spread_of(row["after"][counts[-1]]["each"]), with_interval(row.get("behind")),
         )
-        for row in sorted(found["rows"], key=lambda row: float(row["after"][counts[-1]]["value"]))
+        for row in ordered
     ]  # fmt: skip
+    elsewhere = [
+        (row["name"], *(with_interval(told["after"][n]) for told in row["elsewhere"].values() for n in counts[1:]))
+        for row in ordered
+    ]
     after = (f"after {count}" for count in counts)
     ends = (f"range of trainings, after {counts[-1]}", f"above {REFERENCE}, after {counts[-1]}")
-    elsewhere = (f"after {count}, {bench}" for bench in found["rows"][0]["elsewhere"] for count in counts[1:])
-    return ("method", "training evaluations", *after, *ends, *elsewhere), rows
+    where = (f"after {count}, {bench}" for bench in found["rows"][0]["elsewhere"] for count in counts[1:])
+    return (("method", "training evaluations", *after, *ends), rows), (("method", *where), elsewhere)
 
 
 def legend(found: Mapping[str, Any]) -> str:
@@ -232,7 +235,7 @@ def legend(found: Mapping[str, Any]) -> str:
 
 def main(arguments: list[str] | None = None) -> None:
     """Learn, tune and print the results."""
-    run_command(MODULE, Path("results/few-tries"), __doc__, 500_000, 200, study, table, legend, arguments)
+    run_command(MODULE, Path("results/few-tries"), __doc__, 500_000, 200, study, result_tables, legend, arguments)
 
 
 if __name__ == "__main__":

@@ -32,6 +32,8 @@ from inkjet_env.storage import archive_bytes, remove_unfinished, write_atomicall
 from inkjet_env.typing import Real
 
 Arrays = dict[str, NDArray[Any]]
+ResultTable = tuple[tuple[str, ...], list[tuple[str, ...]]]
+"""Header and rows."""
 
 TRAININGS = 10
 SEED_STEP = 1000
@@ -234,11 +236,11 @@ def run_command(
     evaluations: int,
     heads: int,
     run: Callable[..., Mapping[str, Any]],
-    table: Callable[[Mapping[str, Any]], tuple[Sequence[str], Sequence[Sequence[str]]]],
+    tables: Callable[[Mapping[str, Any]], Sequence[ResultTable]],
     legend: Callable[[Mapping[str, Any]], str],
     arguments: list[str] | None,
 ) -> None:
-    """Run a study from the command line: ``run`` gets the options by name; ``table`` and ``legend`` of it are printed.
+    """Run a study from the command line: ``run`` gets the options by name; ``tables`` and ``legend`` are printed.
 
     Parameters
     ----------
@@ -250,8 +252,8 @@ def run_command(
         Evaluations of one training and number of test heads unless given.
     run : callable
         Carries out the study with the options as keyword arguments, and returns its results.
-    table, legend : callable
-        Header and rows of the results' table, and the explanation of its numbers.
+    tables, legend : callable
+        Header and rows of each table of the results, and the explanation of their numbers.
     arguments : list of str, optional
         Arguments of the command line; those of the process unless given.
     """
@@ -278,7 +280,8 @@ def run_command(
         folder.mkdir(parents=True, exist_ok=True)
         remove_unfinished(folder)
         found = run(**chosen)
-        print_table(*table(found))
+        for table in tables(found):
+            print_table(*table)
         print(legend(found))
     except (PolicyFileError, KeptFileError, ClusterError, OSError) as error:
         parser.exit(2, f"{parser.prog}: {error}\n")

@@ -93,7 +93,8 @@ def sections(folder: Path) -> Iterator[tuple[str, str]]:
             yield f"After {int(budget):,} evaluations", f"{said}\n\n{markdown_table(*standings_table(found))}"
     for name, module in (("amortised", amortised), ("few_tries", few_shot)):
         if (kept := read_as(folder / f"{name}.json", module.FORMAT)) is not None:
-            yield module.TITLE, f"{markdown_table(*module.table(kept))}\n\n{module.legend(kept)}"
+            tables = (markdown_table(*table) for table in module.result_tables(kept))
+            yield module.TITLE, "\n\n".join((*tables, module.legend(kept)))
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -84,7 +84,12 @@ def test_studies_stand_in_it_as_they_are_printed(tmp_path, capsys):
     learnt["rows"] = [{"name": "cma-es", "trained": 0, "50": interval, "behind": {"50": interval}}]
     tried = {"format": few_shot.FORMAT, "heads": 3, "trainings": 2, "nothing_V": {"as expected": 17.0}}
     tried["rows"] = [
-        {"name": name, "learning": 0, "elsewhere": {}, "after": {"10": interval | {"value": v, "each": each}}}
+        {
+            "name": name,
+            "learning": 0,
+            "after": {"3": interval, "10": interval | {"value": v, "each": each}},
+            "elsewhere": {"noise × 3": {"after": {"3": interval, "10": interval}}},
+        }
         for name, v, each in (("b", 2.0, [2.0]), ("a", 1.0, [0.5, 1.5]))
     ]
     (tmp_path / "amortised.json").write_text(json.dumps(learnt))
@@ -93,7 +98,8 @@ def test_studies_stand_in_it_as_they_are_printed(tmp_path, capsys):
     out = capsys.readouterr().out
     rows = cells(out)
     assert ["cma-es", "0", "–", "1.5 (1 … 2)", "–", "–", "", "1.5 (1 … 2)", ""] in rows
-    assert [(row[0], row[-2]) for row in rows][-2:] == [("a", "0.50 … 1.50"), ("b", "")]
+    assert [(row[0], row[-2]) for row in rows if len(row) == 6][-2:] == [("a", "0.50 … 1.50"), ("b", "")]
+    assert rows[-2:] == [["a", "1.50 (1.00 … 2.00)"], ["b", "1.50 (1.00 … 2.00)"]]
     assert "over heads alone: each method was trained once" in out
     assert "and 2 trainings of each learning method, with an interval over both that is too narrow" in out
 

@@ -109,7 +109,7 @@ def test_a_study_keeps_its_policies_and_tells_the_same_again(small, tmp_path, mo
     assert by_name["gradient"]["5"]["value"] <= by_name["gradient"]["0"]["value"]
     assert len(set(by_name["gradient"]["0"]["each"])) == 2
     assert min(row["20"]["low"] for row in first["rows"]) >= 0
-    header, rows = amortised.table(first)
+    ((header, rows),) = amortised.result_tables(first)
     assert {len(row) for row in rows} == {len(header)}
     legend = amortised.legend(first)
     assert "and 2 trainings of each learning method, with an interval over both that is too narrow" in legend
