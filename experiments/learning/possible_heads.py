@@ -23,6 +23,9 @@ ROUNDS = 20
 """Largest number of times that particles are drawn anew after a try."""
 SETTLED = 0.9
 """Share of the previous round's misfit above which a further round is not worth it."""
+BEYOND, FARTHEST = 0.25, 2.0
+"""Standard deviation with which the prior falls off beyond the range of heads, and its end, in half ranges from the
+middle: somebody else's head may lie outside."""
 UNLIKELY = 0.01
 """Share of the weight of the likeliest head below which a head is no longer counted."""
 
@@ -108,7 +111,7 @@ class ListedHeads:
 
 
 class DrawnHeads:
-    """Heads drawn around a base model as the environment draws them: a cloud of them follows what is read.
+    """Heads drawn around a base model, as the environment does or beyond: a cloud of them follows what is read.
 
     Nonlinear population Monte Carlo (Koblents & Míguez, Stat. Comput. 2015): particles are weighted by their likelihood
     over the density from which they were drawn, raised to a power at which enough of them count, and drawn anew from
@@ -140,8 +143,7 @@ class DrawnHeads:
         for _ in range(ROUNDS):
             misfits = self._misfits()
             scale = inflation(misfits, sum(one.numbers for one in self.tries))
-            log_likelihood = np.where((np.abs(self.contexts) <= 1).all(axis=1), -misfits / (2 * scale), -np.inf)
-            power, self.weights = flattened(log_likelihood - self.log_density)
+            power, self.weights = flattened(self._log_prior() - misfits / (2 * scale) - self.log_density)
             if power == 1 and (scale == 1 or scale > SETTLED * before):
                 return
             before = scale
@@ -149,10 +151,16 @@ class DrawnHeads:
             density = gaussian_kde(self.contexts[counted].T, weights=self.weights[counted])
             self.contexts = density.resample(PARTICLES, seed=self.rng).T
             self.log_density = density.logpdf(self.contexts.T)
-        _, self.weights = flattened(-self._misfits() / (2 * before) - self.log_density)
+        _, self.weights = flattened(self._log_prior() - self._misfits() / (2 * before) - self.log_density)
+
+    def _log_prior(self) -> Real:
+        """Logarithm of the prior but for a constant: even within the range, and falling beyond."""
+        outside = np.maximum(np.abs(self.contexts) - 1.0, 0.0)
+        prior = -0.5 * ((outside / BEYOND) ** 2).sum(axis=1)
+        return np.where((np.abs(self.contexts) <= FARTHEST).all(axis=1), prior, -np.inf)
 
     def _misfits(self) -> Real:
-        inside = np.clip(self.contexts, -1.0, 1.0)
+        inside = np.clip(self.contexts, -FARTHEST, FARTHEST)
         heads, total = self.task.heads(inside), np.zeros(len(inside))
         for one in self.tries:
             predicted = self.task.read(np.tile(one.waveform, (len(inside), 1)), heads, (), 1)

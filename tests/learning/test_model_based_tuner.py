@@ -79,8 +79,8 @@ def test_where_no_listed_head_predicts_the_readings_the_nearest_ones_remain():
     assert set(listed.heads(16).heads) == {above, below}
 
 
-@pytest.mark.parametrize("context", [(0.4, -0.6, 0.3, 0.8), (-0.97, 0.9, -0.5, -0.9)])
-def test_a_cloud_of_heads_settles_on_the_one_on_the_bench(context):
+@pytest.mark.parametrize("context", [(0.4, -0.6, 0.3, 0.8), (-0.97, 0.9, -0.5, -0.9), (1.4, -0.6, 0.3, 1.2)])
+def test_a_cloud_of_heads_settles_on_the_one_on_the_bench_even_beyond_the_ranges(context):
     head = TASK.head(context)
     drawn = DrawnHeads(TASK, NOISE_V, np.random.default_rng(0))
     spreads = []
