@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from inkjet_env.experiments.tuning.careful_cost import CarefulCost
 from inkjet_env.experiments.tuning.drop_signal import (
@@ -24,7 +25,7 @@ from inkjet_env.experiments.tuning.drop_signal import (
     predicted_signals,
 )
 from inkjet_env.plant.augmented import AugmentedPrinthead
-from inkjet_env.printhead import PeakCost, Printhead, Waveform
+from inkjet_env.printhead import PeakCost, Printhead, Waveform, respond_sampled
 from inkjet_env.recordings import Recording
 from inkjet_env.rig import Request
 from inkjet_env.typing import Real
@@ -99,9 +100,47 @@ def averaged(recording: Recording, waveform: Waveform, frequency_Hz: float, wind
     return mean_repetition(recording, samples * step_s)
 
 
+def expected_V(
+    taken: Recording, waveform: Waveform, head: Printhead | AugmentedPrinthead, frequency_Hz: float, window_s: float
+) -> Real:
+    """Signal in volts that a head predicts at the samples of one repetition, but for the channel's offset.
+
+    It is the mean over all repetitions of the drive as it is sampled, since the clock of a generator whose output is
+    a staircase runs on from one to the next.
+
+    Parameters
+    ----------
+    taken : Recording
+        One repetition, from `averaged`.
+    waveform : Waveform
+        The waveform.
+    head : Printhead or AugmentedPrinthead
+        The head.
+    frequency_Hz, window_s : float
+        As the `check_request` was made with.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    request = check_request(taken.name, waveform, frequency_Hz, window_s)
+    time_s = request.step_s * np.arange(request.drive_V.size)
+    period_s = time_s.size * request.step_s
+    if isinstance(head, AugmentedPrinthead):
+        response = head.respond_sampled(time_s, request.drive_V, period_s=period_s)
+    else:
+        response = respond_sampled(head, time_s, request.drive_V, period_s=period_s)
+    once_V = response.sensor_V.reshape(REPETITIONS, -1).mean(axis=0)
+    knots_s = time_s[: once_V.size + 1]
+    periodic = CubicSpline(knots_s, np.append(once_V, once_V[0]), bc_type="periodic")
+    return np.asarray(periodic(taken.time_s - taken.time_s[0]), dtype=np.float64)
+
+
 def seen(recording: Recording, waveform: Waveform, head: Printhead | AugmentedPrinthead, window_s: float) -> Shown:
     """What the answer to a `check_request` shows beyond the prediction; see `Shown.by`."""
-    return Shown.by(averaged(recording, waveform, head.frequency_Hz, window_s), waveform, head, window_s)
+    frequency_Hz = head.frequency_Hz
+    taken = averaged(recording, waveform, frequency_Hz, window_s)
+    return Shown.by(taken, waveform, expected_V(taken, waveform, head, frequency_Hz, window_s), frequency_Hz)
 
 
 def measured(shown: Shown, head: Printhead | AugmentedPrinthead, cost: PeakCost, window_s: float) -> Measured:

@@ -132,26 +132,24 @@ class Shown:
     noise_rms_V: float
 
     @classmethod
-    def by(
-        cls, recording: Recording, waveform: Waveform, head: Printhead | AugmentedPrinthead, window_s: float
-    ) -> Shown:
-        """What a recording of one repetition shows beyond the prediction of a head.
+    def by(cls, recording: Recording, waveform: Waveform, expected_V: Real, frequency_Hz: float) -> Shown:
+        """What a recording of one repetition shows beyond what was expected.
 
         Parameters
         ----------
         recording : Recording
-            One repetition of the waveform with its rest, as `check.check_request` asks for it.
+            One repetition of the waveform with its rest, as `check.averaged` gives it.
         waveform : Waveform
             The waveform.
-        head : Printhead or AugmentedPrinthead
-            Head that predicts the signal.
-        window_s : float
-            Time after the start within which peaks count, in seconds.
+        expected_V : ndarray, shape (n,)
+            Signal that is predicted at its samples, in volts, but for the channel's offset.
+        frequency_Hz : float
+            Resonance frequency of the head, in hertz.
         """
         time_s = recording.time_s - recording.time_s[0]
-        residual_V = recording.sensor - predicted_V(recording, waveform, head, window_s)
+        residual_V = recording.sensor - expected_V
         residual_V = residual_V - np.median(residual_V)  # the channel's offset
-        period = max(3, round(1 / (head.frequency_Hz * recording.step_s)))
+        period = max(3, round(1 / (frequency_Hz * recording.step_s)))
         smooth_V = savgol_filter(residual_V, max(5, 2 * round(AVERAGED / 2 * period) + 1), 2, mode="wrap")
         at_rest = slice(-round(QUIET_PERIODS * period), None)
         noise_V = smooth_V[at_rest] - smooth_V[at_rest].mean()
@@ -214,15 +212,3 @@ def mean_repetition(recording: Recording, period_s: float) -> Recording:
         recording, time_s=time_s, drive_V=np.interp(time_s, since_s, recording.drive_V), sensor=np.mean(every, axis=0),
         drive_monitor_V=None, neighbour_V=None,
     )  # fmt: skip
-
-
-def predicted_V(
-    recording: Recording, waveform: Waveform, head: Printhead | AugmentedPrinthead, window_s: float
-) -> Real:
-    """Signal in volts that a head predicts at the samples of one repetition, shape (n,), but for the channel's offset.
-
-    The parameters are those of `Shown.by`.
-    """
-    time_s = recording.time_s - recording.time_s[0]
-    repeated = head.respond(waveform, window_s=window_s, period_s=time_s.size * recording.step_s)
-    return np.asarray(repeated.sensor_V(time_s), dtype=np.float64)

@@ -10,8 +10,7 @@ from typing import Any
 from urllib.parse import quote
 
 from inkjet_env.cli.drive_csv import waveform_files
-from inkjet_env.experiments.tuning.check import Measured, averaged
-from inkjet_env.experiments.tuning.drop_signal import predicted_V
+from inkjet_env.experiments.tuning.check import Measured, averaged, expected_V
 from inkjet_env.experiments.tuning.figures import check_figure, check_picture, request_figure, waveforms_figure
 from inkjet_env.experiments.tuning.session import LOG, NAMES, Session, Tuned, name_of_check, requests_of_round
 from inkjet_env.plant.augmented import AugmentedPrinthead
@@ -149,9 +148,10 @@ def tried(session: Session, tuned: Tuned | None, recorded: Sequence[Recording]) 
         if tuned is not None:
             check, window_s = tuned.checks[k], session.settings.window_s
             taken = by_name[name_of_check(k + 1, one)]
-            taken = averaged(taken, one.as_waveform, tuned.head.frequency_Hz, window_s)
-            expected_V = predicted_V(taken, one.as_waveform, tuned.head, window_s)
-            figure = check_figure(taken, expected_V, check, window_s)
+            frequency_Hz = tuned.head.frequency_Hz
+            taken = averaged(taken, one.as_waveform, frequency_Hz, window_s)
+            predicted_V = expected_V(taken, one.as_waveform, tuned.head, frequency_Hz, window_s)
+            figure = check_figure(taken, predicted_V, check, window_s)
         rows.append(
             {"proposal": one, "chosen": tuned is not None and k == tuned.best, "check": check, "figure": figure}
         )
@@ -163,12 +163,13 @@ def chosen_picture(session: Session, tuned: Tuned, recorded: Sequence[Recording]
     number, proposal = tuned.best + 1, tuned.proposals[tuned.best]
     taken = next(one for one in recorded if one.name == name_of_check(number, proposal))
     window_s = session.settings.window_s
-    taken = averaged(taken, proposal.as_waveform, tuned.head.frequency_Hz, window_s)
+    waveform, frequency_Hz = proposal.as_waveform, tuned.head.frequency_Hz
+    taken = averaged(taken, waveform, frequency_Hz, window_s)
     heads: dict[str, Printhead | AugmentedPrinthead] = {"augmented": tuned.head}
     base = session.folder / f"base-{len(session.rounds) - 1}.json"
     if isinstance(tuned.head, AugmentedPrinthead) and base.exists():
         heads = {"base": Printhead.from_json(base), **heads}
-    predicted = {which: predicted_V(taken, proposal.as_waveform, head, window_s) for which, head in heads.items()}
+    predicted = {which: expected_V(taken, waveform, head, frequency_Hz, window_s) for which, head in heads.items()}
     return check_picture(taken, predicted, tuned.checks[tuned.best], window_s)
 
 

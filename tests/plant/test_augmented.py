@@ -84,6 +84,16 @@ def test_a_jump_is_followed_from_the_first_moment_on():
     assert BASE.respond(jumping).peaks_V == pytest.approx(exact.peaks_V, abs=2e-2 * np.abs(exact.peaks_V).max())
 
 
+@pytest.mark.parametrize("window_s", [350e-6, 500e-6])
+def test_a_generator_that_steps_at_the_start_does_so_on_a_head_at_rest(window_s):
+    steps = EFFECTS["generator_steps"]
+    values = steps.example_values(HEAD) | {"update_s": 2.3e-6, "resolution_V": 0.0, "ahead": 0.5}
+    head, time_s = AugmentedPrinthead(HEAD, ((steps, values),)), np.linspace(0, 100e-6, 1001)
+    long_ago_V = head.respond(WAVEFORM, period_s=2e-3, window_s=window_s).sensor_V(time_s)
+    at_rest_V = head.respond(WAVEFORM, window_s=window_s).sensor_V(time_s)
+    assert np.abs(at_rest_V - long_ago_V).max() < 0.02 * np.abs(long_ago_V).max()
+
+
 @pytest.mark.parametrize("slower", [1, 30])
 def test_a_head_of_another_scale_is_followed_as_well(slower):
     head = HEAD.varied(frequency_Hz=HEAD.frequency_Hz / slower)

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.experiments.tuning import session as session_module
-from inkjet_env.experiments.tuning.check import Measured, averaged
-from inkjet_env.experiments.tuning.drop_signal import predicted_V
+from inkjet_env.experiments.tuning.check import Measured, averaged, expected_V
 from inkjet_env.experiments.tuning.exchange import Exchange, WaitingError
 from inkjet_env.experiments.tuning.figures import check_figure, request_figure, waveforms_figure
 from inkjet_env.experiments.tuning.report import distinct, effects_of, headline, page_html, sentences, write_page
@@ -260,10 +259,10 @@ def test_pictures_show_what_was_recorded_beside_what_was_predicted(ended):
     proposal, check = tuned.proposals[0], tuned.checks[0]
     taken = by_name["check-1-robust"]
     taken = averaged(taken, proposal.as_waveform, tuned.head.frequency_Hz, SETTINGS.window_s)
-    expected_V = predicted_V(taken, proposal.as_waveform, tuned.head, SETTINGS.window_s)
-    _, signals, residual = check_figure(taken, expected_V, check, SETTINGS.window_s).axes
+    foretold_V = expected_V(taken, proposal.as_waveform, tuned.head, tuned.head.frequency_Hz, SETTINGS.window_s)
+    _, signals, residual = check_figure(taken, foretold_V, check, SETTINGS.window_s).axes
     seen, modelled = (line.get_ydata() for line in signals.lines)
-    np.testing.assert_array_equal(modelled, expected_V[: modelled.size])
+    np.testing.assert_array_equal(modelled, foretold_V[: modelled.size])
     np.testing.assert_allclose(residual.lines[0].get_ydata(), seen - modelled)
     assert np.std(seen - modelled) == pytest.approx(check.residual_V, rel=0.05)
     np.testing.assert_allclose(np.diff(seen), np.diff(taken.sensor[: seen.size]), atol=1e-12)  # all but the offset

@@ -102,6 +102,9 @@ class GeneratorSteps(Effect):
             said.append(f"has {1 / values['update_share']:.4g} points in each recording, however long")
         return f"The generator's output {' and '.join(said)}." if said else self.sentence
 
+    def advance_s(self, values: Values) -> float:
+        return values["update_s"] if values["ahead"] else 0.0  # the update before the start
+
     def drive(self, values: Values, drive_V: Real, excitation: Excitation) -> Real:
         update_s = values["update_s"] + values["update_share"] * _duration_s(excitation)
         nodes = min(update_s, excitation.nodes * excitation.node_step_s) / excitation.node_step_s
