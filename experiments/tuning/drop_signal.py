@@ -83,6 +83,8 @@ def predicted_signals(
 ) -> Iterator[Signal]:
     """Signals of waveforms on a head, to the end of the window at least.
 
+    Where no steady state is found of a waveform that is repeated after long rests, it is that of the head at rest.
+
     Parameters
     ----------
     rows : ndarray, shape (n, 7)
@@ -94,7 +96,13 @@ def predicted_signals(
     """
     if isinstance(head, AugmentedPrinthead):
         for row in rows:
-            response = head.respond(Waveform.from_array(row), initial_state, window_s, period_s=period_s)
+            waveform = Waveform.from_array(row)
+            try:
+                response = head.respond(waveform, initial_state, window_s, period_s=period_s)
+            except ValueError:
+                if math.isinf(period_s):
+                    raise
+                response = head.respond(waveform, initial_state, window_s)
             yield Signal(response.sensor_at_steps_V, response.step_s)
         return
     step_s = 1 / (SAMPLES_A_PERIOD * head.frequency_Hz)

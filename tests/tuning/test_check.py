@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from inkjet_env.experiments.tuning.check import REPETITIONS, averaged, check_request, measured, seen
+from inkjet_env.experiments.tuning.check import REPETITIONS, averaged, check_request, expected_V, measured, seen
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
@@ -49,6 +49,21 @@ def test_a_head_that_predicts_a_little_wrong_is_corrected_by_the_recording():
         closer += abs(found.cost_V - true_V) < max(0.3 * off_V, 2 * found.error_V)
         assert found.residual_V > 1.2 * found.noise_V
     assert closer >= 5
+
+
+def test_without_a_steady_state_the_first_repetition_is_expected_from_rest(monkeypatch):
+    waveform, rig = WAVEFORMS[2], VirtualRig(WITH_MODE, 2, 50.0)
+    request = check_request("check", waveform, WITH_MODE.frequency_Hz, WINDOW_S)
+    taken = averaged(rig.record(request, 1), waveform, WITH_MODE.frequency_Hz, WINDOW_S)
+    steady_V = expected_V(taken, waveform, WITH_MODE, WITH_MODE.frequency_Hz, WINDOW_S)
+
+    def fails(*_):
+        raise ValueError("no steady state")
+
+    monkeypatch.setattr(AugmentedPrinthead, "_settled", fails)
+    from_rest_V = expected_V(taken, waveform, WITH_MODE, WITH_MODE.frequency_Hz, WINDOW_S)
+    assert np.abs(from_rest_V - steady_V).max() < 1e-3 * np.abs(steady_V).max()
+    assert (from_rest_V != steady_V).any()
 
 
 def test_a_check_lets_the_head_come_to_rest():
