@@ -30,7 +30,7 @@ from inkjet_env.recordings import Recording
 from inkjet_env.rig import Request
 from inkjet_env.typing import Real
 
-REPETITIONS = 8
+REPETITIONS = 16
 """Number of repetitions that a check records, and averages."""
 CHECKED = 0.2
 """How much of what a waveform may cost beyond its recorded cost counts when waveforms are compared."""
