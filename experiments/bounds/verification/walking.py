@@ -1,0 +1,91 @@
+"""The tree of a part: its bytes divide the whole box in preorder into leaves, which are checked one after another."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from inkjet_env.experiments.bounds.verification.courses import check_leaf, working_memory
+
+LEAF = 7
+SIDES = 7
+DEEPEST = 1000
+"""Most halvings one within another that a tree may have."""
+DIVISIONS_DEEPEST = 60
+"""Most further halvings of a leaf, one within another."""
+BOXES_MOST = 2_000_000
+"""Most boxes into which a leaf is divided further."""
+
+# how the walk over some bytes ended
+GOING_ON, NO_SUCH_BYTE, NO_WIDTH, TOO_DEEP, AFTER_END, NOT_SHOWN, STOPPED = range(7)
+# what has been counted
+BOXES, LEAVES, DIVISIONS = range(3)
+
+
+@njit(nogil=True)
+def walk(data, lows, highs, top, counted, least, most, bound, k, law, sup1, sup2, stop, failed, work):
+    """Walk on over the bytes of a tree.
+
+    Parameters
+    ----------
+    data : array of uint8
+        The next bytes.
+    lows, highs : array of shape (`DEEPEST` + 2, 7)
+        The boxes that are still to come, the next one last.
+    top : int
+        Index of the next box, −1 at the end of the tree.
+    counted : array of shape (3,)
+        Number of boxes, leaves and further divisions so far.
+    least, most, bound, k, law, sup1, sup2, stop, failed, work
+        See `courses.check_leaf`.
+
+    Returns
+    -------
+    ended : int
+        How the walk ended.
+    top : int
+        Index of the next box.
+    """
+    for i in range(data.size):
+        if top < 0:
+            return AFTER_END, top
+        byte = data[i]
+        if byte > LEAF:
+            return NO_SUCH_BYTE, top
+        counted[BOXES] += 1
+        if byte == LEAF:
+            counted[LEAVES] += 1
+            divisions = check_leaf(
+                lows[top], highs[top], least, most, bound, k, law, sup1, sup2,
+                DIVISIONS_DEEPEST, BOXES_MOST, stop, failed, work,
+            )  # fmt: skip
+            if divisions == -1:
+                return NOT_SHOWN, top
+            if divisions == -2:
+                return STOPPED, top
+            counted[DIVISIONS] += divisions
+            top -= 1
+            continue
+        middle = 0.5 * (lows[top, byte] + highs[top, byte])
+        if not (lows[top, byte] < middle and middle < highs[top, byte]):
+            return NO_WIDTH, top
+        if top >= DEEPEST:
+            return TOO_DEEP, top
+        lows[top + 1] = lows[top]
+        highs[top + 1] = highs[top]
+        highs[top + 1, byte] = middle
+        lows[top, byte] = middle
+        top += 1
+    return GOING_ON, top
+
+
+def first_boxes(lower, upper):
+    """The stack of boxes at the beginning of a tree: the whole box alone, and the index of the next box."""
+    lows, highs = np.empty((DEEPEST + 2, SIDES)), np.empty((DEEPEST + 2, SIDES))
+    lows[0], highs[0] = lower, upper
+    return lows, highs, 0
+
+
+def memory():
+    """Working memory of a thread, see `courses.working_memory`."""
+    return working_memory(DIVISIONS_DEEPEST)
