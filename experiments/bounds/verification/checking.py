@@ -1,7 +1,7 @@
 """Check of a whole certificate: its problem, the cover of the largest extremum's range, and the tree of every part.
 
-Where the largest ``|extremum|`` ``M`` is at most ``bound / A``, the cost is at least ``A M ≥ bound``. Nowhere is it above
-the total variation of ``v`` times the gain. The parts must cover the range between; each is a tree of boxes that
+Where the largest ``|extremum|`` ``M`` is at most ``bound / A``, the cost is at least ``A M ≥ bound``. Nowhere is ``M``
+above the total variation of ``v`` times the gain. The parts must cover the range between; each is a tree of boxes that
 covers the whole box of waveforms.
 """
 

@@ -11,13 +11,11 @@ from inkjet_env.experiments.bounds.verification.enclosing import (
     A_WEIGHT,
     B_WEIGHT,
     COUNT,
-    GAIN,
     LAMBDA,
     MARGIN_V,
     NODES_MOST,
     OMEGA,
     RING,
-    SIGMA,
     WINDOWS_MOST,
     find_windows,
     follow,
@@ -38,7 +36,9 @@ def geometric(ratio, count):
 
 
 @njit(nogil=True)
-def linear_least(weight, e_free, e, single, most, k, windows, radius, z, dz, low, high, where, err, short, end, tail):
+def linear_least(
+    weight, e_free, e, single, most, k, windows, radius, z, dz, low, high, where, err, short, end, tail
+):  # fmt: skip
     """Least of one course's linear function over the box, in V.
 
     Parameters
@@ -115,7 +115,7 @@ def linear_least(weight, e_free, e, single, most, k, windows, radius, z, dz, low
 
 @njit(nogil=True)
 def end_rest(end, err):
-    """What second derivatives contribute to the state at the end of the drive, in V; kept behind the windows' errors."""
+    """What second derivatives contribute to the state at the drive's end, in V; kept behind the windows' errors."""
     return err[err.size - 1]
 
 

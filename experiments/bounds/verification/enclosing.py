@@ -2,8 +2,8 @@
 
 Units: V and µs. A waveform is ``(a, b, t1 … t5)``; the drive rises from 0 V to ``a``, falls to ``−b`` and returns.
 
-The response is ``y = Im z`` with ``z' = λ z + g v'`` and ``z = 0`` at first. ``z`` is followed at nodes that move with the
-corners of the drive, so that at every node it is a smooth function of the seven parameters: its value and its seven
+The response is ``y = Im z`` with ``z' = λ z + g v'`` and ``z = 0`` at first. ``z`` is followed at nodes that move with
+the corners of the drive, so that at every node it is a smooth function of the seven parameters: its value and its seven
 derivatives are computed at the centre of the box, its second derivatives are bounded over the box. A branch law that
 continues straight beyond its full scale has a jump in its second derivative there, which a bound of the second
 derivative almost everywhere allows for.
@@ -163,7 +163,7 @@ def follow(centre, radius, k, law, sup1, sup2, ring_us, z, dz, rest, seconds, ce
             end = kink if piece == 0 else 1.0
             if end - begin <= 0.0:
                 continue
-            cells = int(math.ceil(longest * (end - begin) / CELL_US))
+            cells = math.ceil(longest * (end - begin) / CELL_US)
             if edge:
                 cells = max(cells, LEAST_CELLS if piece == 0 else 2)
             cells = max(cells, 1)
