@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -301,7 +302,7 @@ def check_leaf(lower, upper, least, most, bound, k, law, sup1, sup2, deepest, bo
     return (boxes - 1) // 2
 
 
-def working_memory(deepest):
+def working_memory(deepest: int) -> tuple[Any, ...]:
     """Arrays in which one thread works on leaves that are halved at most ``deepest`` times."""
     nodes = NODES_MOST + 1
     return (

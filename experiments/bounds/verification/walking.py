@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from inkjet_env.experiments.bounds.verification.courses import check_leaf, working_memory
 
@@ -79,13 +82,16 @@ def walk(data, lows, highs, top, counted, least, most, bound, k, law, sup1, sup2
     return GOING_ON, top
 
 
-def first_boxes(lower, upper):
+def first_boxes(
+    lower: tuple[float, ...], upper: tuple[float, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """The stack of boxes at the beginning of a tree: the whole box alone, and the index of the next box."""
     lows, highs = np.empty((DEEPEST + 2, SIDES)), np.empty((DEEPEST + 2, SIDES))
     lows[0], highs[0] = lower, upper
     return lows, highs, 0
 
 
-def memory():
+def memory() -> tuple[Any, ...]:
     """Working memory of a thread, see `courses.working_memory`."""
-    return working_memory(DIVISIONS_DEEPEST)
+    arrays: tuple[Any, ...] = working_memory(DIVISIONS_DEEPEST)
+    return arrays
