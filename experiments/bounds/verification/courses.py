@@ -24,8 +24,10 @@ from inkjet_env.experiments.bounds.verification.enclosing import (
 
 VOLT_US = 0.03
 """A width in V counts like this many µs when a box is halved."""
-COARSE_US = 0.6
-"""A box with a half width above this, in µs, is halved without a try."""
+COARSE_US = 1.3
+"""A box with a half width above this, in µs, is halved without a try; on the last edge, see `COARSE_LAST_US`."""
+COARSE_LAST_US = 2.6
+"""The same for the last edge, after which no corner moves."""
 SIDES = 7
 LATER, NONE = 0, 1
 
@@ -273,13 +275,15 @@ def check_leaf(lower, upper, least, most, bound, k, law, sup1, sup2, deepest, bo
             return -2
         boxes += 1
         widest, side = -1.0, 0
+        coarse = False
         for j in range(SIDES):
             centre[j] = 0.5 * (lows[top, j] + highs[top, j])
             radius[j] = max(highs[top, j] - centre[j], centre[j] - lows[top, j]) * (1.0 + 1e-14)
             scaled = radius[j] * (VOLT_US if j < 2 else 1.0)
+            coarse = coarse or scaled > (COARSE_LAST_US if j == SIDES - 1 else COARSE_US)
             if scaled > widest:
                 widest, side = scaled, j
-        if widest <= COARSE_US:
+        if not coarse:
             value = least_cost(
                 centre, radius, least, most, k, law, sup1, sup2,
                 z, dz, rest, seconds, cell, kind, low, high, where, err, short, weight,
