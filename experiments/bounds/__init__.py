@@ -1,1 +1,1 @@
-"""Bounds of the cost from below."""
+"""Proven lower bounds of the peak cost: the search for them, and in `verification` their independent check."""

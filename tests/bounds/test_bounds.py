@@ -1,0 +1,234 @@
+"""Lower bounds hold for every waveform of a box, and a proof covers the whole box of a problem."""
+
+import json
+import lzma
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from inkjet_env.experiments.benchmark.problem import Problem, Spread
+from inkjet_env.experiments.bounds import search
+from inkjet_env.experiments.bounds.box_bound import WINDOW_COLUMNS, whole_bound
+from inkjet_env.experiments.bounds.cost_to_go import ring_down
+from inkjet_env.experiments.bounds.head_numbers import OMEGA, SIGMA, head_numbers, polynomial_range
+from inkjet_env.experiments.bounds.trajectory import NODE_COLUMNS, PARAMETERS, Y, follow
+from inkjet_env.experiments.bounds.tree import PROVEN
+from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
+
+HEAD = Printhead.published()
+ROW = head_numbers(HEAD)
+WEIGHTS = (-5.0, 5.0)
+LOWER, UPPER = np.array([0, 0, 1, 1, 1, 1, 1.0]), np.array([100, 100, 20, 20, 20, 20, 20.0])
+BEST = np.array(
+    [100, 100, 1.0000000109989415, 10.48994805910811, 13.743827858249958, 9.814569003260661, 19.958894154308322]
+)
+BEST_V = -22.832046
+SMALL = search.Settings(
+    width=0.5, voltages=(0.0, 0.5, 1.0), angles=128, turn=12, table_levels=1, table_step=0.5, pieces=3
+)
+
+
+def response_to(point):
+    return HEAD.respond(Waveform(point[0], -point[1], *(1e-6 * point[2:])))
+
+
+def around(point, share):
+    """A box around a waveform within those of the problem, so wide a share of them on either side."""
+    reach = share * (UPPER - LOWER)
+    return np.maximum(point - reach, LOWER), np.minimum(point + reach, UPPER)
+
+
+def problem_of(low, high, **changes):
+    bounds = Bounds((low[0], -high[1], *(1e-6 * low[2:])), (high[0], -low[1], *(1e-6 * high[2:])))
+    return Problem("narrow", bounds=bounds, **changes)
+
+
+def scratch():
+    return (
+        np.zeros((20000, NODE_COLUMNS)), np.zeros(1 + PARAMETERS, complex), np.zeros(2), np.zeros(3),
+        np.zeros((80, WINDOW_COLUMNS)),
+    )  # fmt: skip
+
+
+def test_the_trajectory_is_that_of_the_simulator():
+    rng = np.random.default_rng(0)
+    nodes, end, reach, *_ = scratch()
+    for _ in range(20):
+        point = LOWER + (UPPER - LOWER) * rng.random(7)
+        last = follow(ROW, 5, point, point, 0.02, 0.5, nodes, end, reach)
+        assert reach[0] == 0
+        response = response_to(point)
+        # free after the drive: from z there follow all further peaks
+        times = response.peak_times_s * 1e6 - point[2:].sum()
+        later = times > 0
+        z = end[0] * np.exp(complex(-ROW[SIGMA], ROW[OMEGA]) * times[later])
+        np.testing.assert_allclose(z.imag, response.peaks_V[later], atol=1e-9)
+        assert abs(nodes[: last + 1, Y]).max() <= abs(response.peaks_V).max() + 1e-9
+
+
+def test_the_derivatives_at_the_end_are_differences():
+    nodes, end, reach, *_ = scratch()
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        point = LOWER + (UPPER - LOWER) * rng.uniform(0.1, 0.9, 7)
+        follow(ROW, 5, point, point, 0.02, 0.5, nodes, end, reach)
+        told = end.copy()
+        for k in range(7):
+            step = np.zeros(7)
+            step[k] = 1e-5 * (UPPER - LOWER)[k]
+            sides = []
+            for sign in (-1, 1):
+                follow(ROW, 5, point + sign * step, point + sign * step, 0.02, 0.5, nodes, end, reach)
+                sides.append(end[0])
+            np.testing.assert_allclose((sides[1] - sides[0]) / (2 * step[k]), told[1 + k], atol=1e-6)
+
+
+def test_the_ring_down_counts_its_extrema():
+    sigma, omega = ROW[SIGMA], ROW[OMEGA]
+    ratio, upright = math.exp(-sigma * math.pi / omega), omega / math.hypot(sigma, omega)
+    total, following, first, alone = ring_down(ROW, WEIGHTS, 100.0, 350.0)
+    for phase in np.linspace(0, 2 * math.pi, 50, endpoint=False):
+        soonest = (math.pi / 2 + math.atan2(sigma, omega) - phase) % math.pi / omega  # Im(λ z) = 0
+        when = np.arange(soonest, 250.0, math.pi / omega)
+        heights = np.abs((np.exp(1j * phase) * np.exp(complex(-sigma, omega) * when)).imag)
+        assert heights[0] >= first == pytest.approx(upright * ratio)
+        assert heights.sum() >= total
+        assert 5 * heights[0] + heights[1:].sum() >= following
+        assert -5 * heights[0] + 5 * heights[1] + heights[2:].sum() >= alone * heights[0] - 1e-12
+    assert total > 0.95 * heights.sum() * ratio
+
+
+@pytest.mark.parametrize("share", [1e-6, 0.01, 0.05, 0.2])
+def test_no_waveform_of_a_box_costs_less_than_its_bound(share):
+    rng = np.random.default_rng(2)
+    ring = ring_down(ROW, WEIGHTS, 100.0, 350.0)
+    room = scratch()
+    gaps = []
+    for trial in range(100):
+        middle = BEST if trial % 4 == 0 else LOWER + (UPPER - LOWER) * rng.random(7)
+        low, high = around(middle, share)
+        bound = whole_bound(ROW, WEIGHTS, ring, (0.0, 100.0), 1e9, low, high, (0.02, 0.5), *room)
+        costs = [response_to(low + (high - low) * rng.random(7)).cost() for _ in range(5)]
+        assert bound <= min(costs) + 1e-9
+        if middle is BEST:
+            gaps.append(min(costs) - bound)
+    if share == 1e-6:
+        assert max(gaps) < 0.01
+
+
+def test_limits_of_the_largest_extremum_leave_out_only_others():
+    rng = np.random.default_rng(3)
+    ring = ring_down(ROW, WEIGHTS, 100.0, 350.0)
+    room, left_out = scratch(), 0
+    for _ in range(100):
+        low, high = around(LOWER + (UPPER - LOWER) * rng.random(7), 0.01)
+        inside = [response_to(low + (high - low) * rng.random(7)) for _ in range(5)]
+        largest = float(np.abs(inside[0].peaks_V).max())
+        for limits in ((0.9 * largest, 1.1 * largest), (1.3 * largest, 1.4 * largest)):
+            bound = whole_bound(ROW, WEIGHTS, ring, limits, 1e9, low, high, (0.02, 0.5), *room)
+            for one in inside:
+                if limits[0] <= np.abs(one.peaks_V).max() <= limits[1]:
+                    assert bound <= one.cost() + 1e-9
+            left_out += bound > 1e200
+    assert left_out > 50
+
+
+def test_a_polynomial_lies_within_its_range():
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        law = rng.normal(size=6)
+        low, high = np.sort(rng.random(2))
+        least, most = polynomial_range(law, low, high)
+        values = np.polynomial.polynomial.polyval(np.linspace(low, high, 101), law)
+        assert least <= values.min()
+        assert values.max() <= most
+
+
+def trees(folder):
+    header = json.loads((folder / "certificate.json").read_text())
+    files = [folder / f"part-{k:02}.xz" for k in range(len(header["parts"]))]
+    return header, [lzma.decompress(file.read_bytes()) for file in files]
+
+
+def leaves_of(tree, low, high):
+    """The leaves of a tree in preorder, each with its corners."""
+    stack, leaves = [(low, high)], []
+    for symbol in tree:
+        low, high = stack.pop()
+        if symbol == PROVEN:
+            leaves.append((low, high))
+            continue
+        middle = 0.5 * (low[symbol] + high[symbol])
+        below, above = high.copy(), low.copy()
+        below[symbol] = above[symbol] = middle
+        stack += [(above, high), (low, below)]
+    assert not stack
+    return leaves
+
+
+@pytest.fixture(scope="module")
+def proven(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bound")
+    low, high = around(BEST, 0.03)
+    search.Search(folder, problem_of(low, high), -23.5, 2, SMALL).run()
+    return folder, low, high
+
+
+def test_a_proof_covers_every_waveform(proven):
+    folder, low, high = proven
+    header, found = trees(folder)
+    ends = np.array(header["parts"])
+    assert ends[0, 0] == pytest.approx(header["bound_V"] / -5)
+    assert (ends[1:, 0] == ends[:-1, 1]).all()
+    assert ends[-1, 1] >= HEAD.b1 / HEAD.frequency_Hz / 2 / math.pi * 400 * 0.5
+    volume = np.prod(high - low)
+    rng = np.random.default_rng(5)
+    for tree in found:
+        leaves = leaves_of(tree, low, high)
+        assert sum(np.prod(above - below) for below, above in leaves) == pytest.approx(volume)
+    for _ in range(20):
+        assert response_to(low + (high - low) * rng.random(7)).cost() >= header["bound_V"]
+    assert {len(tree) for tree in found} != {15}, "one part at least must be divided further than into its pieces"
+
+
+def test_a_proof_that_is_interrupted_goes_on_and_is_the_same(proven, tmp_path, monkeypatch):
+    folder, low, high = proven
+
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(search.Search, "_join", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            search.Search(tmp_path, problem_of(low, high), -23.5, 1, SMALL).run()
+    assert len(list((tmp_path / "part-00").glob("*.xz"))) == 8
+    (tmp_path / "part-00" / "0003.xz").unlink()
+    search.Search(tmp_path, problem_of(low, high), -23.5, 1, SMALL).run()
+    assert trees(tmp_path) == trees(folder)
+    with pytest.raises(ValueError, match="another problem, bound or division"):
+        search.Search(tmp_path, problem_of(low, high), -23.0, 1, SMALL)
+
+
+def test_a_bound_above_the_least_cost_is_not_proven(tmp_path):
+    low, high = around(BEST, 0.02)
+    with pytest.raises(ValueError, match=r"-22\.802 V is not proven: .*100.*Give a lower bound"):
+        search.Search(tmp_path, problem_of(low, high), BEST_V + 0.03, 1, replace(SMALL, deepest=40)).run()
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"jetting_Hz": 5e3}, "follow one another"),
+        ({"spread": Spread()}, "several heads"),
+        ({"cost": PeakCost(effective="first")}, "not the largest"),
+        ({"cost": PeakCost(B=0.5)}, "weights"),
+        ({"cost": PeakCost(target_height_V=4.0)}, "target height"),
+        ({"window_s": 50e-6}, "window"),
+        ({"printhead": replace(HEAD, coefficients=(2.0, -2.5, 0.8, 0.0))}, "falls"),
+    ],
+)
+def test_what_no_bound_is_for_is_refused(changes, why):
+    with pytest.raises(ValueError, match=why):
+        search.task_of(problem_of(LOWER, UPPER, **changes))
