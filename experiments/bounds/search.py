@@ -132,6 +132,7 @@ def task_of(one: Problem) -> Task:
     cost, head = one.cost, one.printhead
     obstacles = {
         "its head has effects beyond the base model": not isinstance(head, Printhead),
+        "its costs are read with errors or late": bool(one.measurement_noise_V or one.instruments),
         "it is judged on several heads": one.spread is not None or one.ensemble is not None,
         "its waveforms follow one another": one.jetting_Hz != 0 or one.pulses != 0,
         "its drive does not begin in the periodic state": one.initial_state != "periodic",
