@@ -86,6 +86,12 @@ ALLOWED = {
     "inkjet_env.experiments.benchmark": BENCHMARK,
     "inkjet_env.experiments.benchmark.interfaces": (*BENCHMARK, "inkjet_env.experiments.benchmark.interfaces"),
     "inkjet_env.experiments.benchmark.studies": STUDIES,
+    "inkjet_env.experiments.bounds": (*BENCHMARK, "inkjet_env.experiments.bounds"),
+    "inkjet_env.experiments.bounds.verification": (
+        "inkjet_env.experiments.bounds.verification",
+        "inkjet_env.progress",
+        "inkjet_env.storage",
+    ),
     "inkjet_env.experiments.learning": LEARNING,
     "inkjet_env.experiments.tuning": TUNING,
     "inkjet_env.experiments.proof": PROOF,

@@ -203,12 +203,14 @@ def check(folder: Path | str, workers: int = 1, part: int | None = None) -> Summ
             raise CertificateError(f"{one.path}: is missing.")
     stop = np.zeros(1, np.int64)
     with shown_progress("Verification, parts", len(parts)) as progress, ThreadPoolExecutor(max(1, workers)) as pool:
-        waiting = {pool.submit(_check_part, certificate, problem, one, stop) for one in parts}
+        waiting = [pool.submit(_check_part, certificate, problem, one, stop) for one in parts]
         try:
             while waiting:
-                done, waiting = wait(waiting, timeout=POLL_S)
+                wait(waiting, timeout=POLL_S)
+                done = [future for future in waiting if future.done()]
                 for future in done:
                     future.result()
+                waiting = [future for future in waiting if future not in done]
                 leaves = sum(int(one.counted[walking.LEAVES]) for one in parts)
                 progress(len(parts) - len(waiting), f"{leaves} leaves")
         except BaseException:
