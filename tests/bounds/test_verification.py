@@ -5,16 +5,19 @@ import json
 import lzma
 import math
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from inkjet_env.experiments.bounds import verification
-from inkjet_env.experiments.bounds.verification import checking, courses, enclosing, walking
+from inkjet_env.experiments.bounds.verification import arriving, checking, courses, enclosing, walking
 from inkjet_env.experiments.bounds.verification.__main__ import main
 from inkjet_env.experiments.bounds.verification.checking import check
 from inkjet_env.experiments.bounds.verification.reading import Certificate, CertificateError
+from inkjet_env.experiments.bounds.verification.tables import Resolution, table_maker
 from inkjet_env.printhead import Printhead, Waveform
 
 HEAD = Printhead.published()
@@ -50,7 +53,8 @@ def least_cost(centre, radius, least=0.0, most=40.0):
 def followed(p, ring_us=40.0):
     z, dz, rest, seconds, cell = walking.memory()[:5]
     numbers = (PROBLEM.k, PROBLEM.law, PROBLEM.sup1, PROBLEM.sup2, ring_us)
-    n = enclosing.follow(np.array(p, float), np.zeros(7), *numbers, z, dz, rest, seconds, cell)
+    z[0], dz[0], rest[0] = 0.0, 0.0, 0.0
+    n = enclosing.follow(0, 5, enclosing.CELL_US, np.array(p, float), np.zeros(7), *numbers, z, dz, rest, seconds, cell)
     return z[: n + 1].copy(), dz[: n + 1].copy(), seconds[:n, 0], rest[: n + 1].copy()
 
 
@@ -138,12 +142,14 @@ def test_second_derivatives_are_bounded():
         centre = np.clip(p, LOWER + radius, UPPER - radius)
         if centre[0] + centre[1] + 4 > HEAD.full_scale_V:
             continue  # the nodes of two waveforms are at different places
-        n = enclosing.follow(centre, radius, *numbers, z, dz, rest, seconds, cell)
+        z[0], dz[0], rest[0] = 0.0, 0.0, 0.0
+        way = (0, 5, enclosing.CELL_US)
+        n = enclosing.follow(*way, centre, radius, *numbers, z, dz, rest, seconds, cell)
         for _ in range(20):
             off = radius * rng.uniform(-1, 1, 7)
-            other, parts = np.empty_like(z), np.empty_like(cell)
+            other, parts = np.zeros_like(z), np.empty_like(cell)
             scratch = (other, dz.copy(), rest.copy(), seconds.copy(), parts)
-            here = enclosing.follow(centre + off, radius, *numbers, *scratch)
+            here = enclosing.follow(*way, centre + off, radius, *numbers, *scratch)
             if here == n and np.array_equal(cell[:n], parts[:n]):
                 compared += 1
                 assert np.all(abs(other[: n + 1] - z[: n + 1] - dz[: n + 1] @ off) <= rest[: n + 1] + 1e-12)
@@ -152,7 +158,7 @@ def test_second_derivatives_are_bounded():
 
 def test_bounds_are_below_the_costs_of_sampled_waveforms():
     rng = np.random.default_rng(4)
-    for i in range(60):
+    for i in range(40):
         size = 10 ** rng.uniform(-3, 0.8)
         radius = np.minimum(size * np.array([2, 2, 0.07, 0.07, 0.07, 0.07, 0.07]) * rng.random(7), (UPPER - LOWER) / 2)
         centre = random_waveforms(1, 100 + i)[0]
@@ -161,7 +167,7 @@ def test_bounds_are_below_the_costs_of_sampled_waveforms():
         if i % 5 == 0:
             centre[:2] = rng.choice([0.0, 1.0, 20.0, 79.0], 2)
         centre = np.clip(centre, LOWER + radius, UPPER - radius)
-        samples = [centre + radius * np.clip(rng.uniform(-1.4, 1.4, 7), -1, 1) for _ in range(12)]
+        samples = [centre + radius * np.clip(rng.uniform(-1.4, 1.4, 7), -1, 1) for _ in range(9)]
         found = [simulated(p)[:2] for p in samples]
         assert least_cost(centre, radius) <= min(cost for cost, _ in found) + 1e-6
         middle = np.median([largest for _, largest in found])
@@ -180,7 +186,98 @@ def test_the_bound_is_close_where_the_box_is_small():
 
 
 def test_no_response_is_above_the_bound_of_the_largest():
-    assert max(simulated(p)[1] for p in random_waveforms(200, 5)) < PROBLEM.peak_V
+    assert max(simulated(p)[1] for p in random_waveforms(100, 5)) < PROBLEM.peak_V
+
+
+TINY = Resolution(angles=64, height=0.074, core_V=0.5, step_V=25.0, levels=3)
+RUNNING = np.zeros(1, np.int64)
+
+
+@pytest.fixture(scope="module")
+def tables():
+    """Tables for ranges of the largest |extremum|, which cover all values."""
+    numbers = (PROBLEM.k, PROBLEM.law, PROBLEM.sup1, PROBLEM.sup2, float(PROBLEM.peak_V))
+    made = table_maker(*numbers, tuple(LOWER), tuple(UPPER), TINY)
+    with ThreadPoolExecutor(1) as pool:
+        for future in list(made.fill_base(RUNNING, pool)):
+            future.result()
+    ends = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 7.5, 9.0, 12.0, 25.0]
+    return {(least, most): made.for_part(least, most, RUNNING) for least, most in pairwise(ends)}
+
+
+def cell_of(grid, ends, z, b):
+    """Range of b, row and column by the definition of the cells; no row for the core."""
+    lam = complex(-PROBLEM.k[enclosing.SIGMA], PROBLEM.k[enclosing.OMEGA])
+    angle = np.angle(lam * z) % (2 * np.pi)
+    u = np.log(abs(z)) - lam.real / lam.imag * angle
+    row, col = int((grid.top - u) / grid.height), int(angle / (2 * np.pi) * grid.angles)
+    return int(np.clip(np.searchsorted(ends, b) - 1, 0, len(ends) - 2)), row, col
+
+
+def table_values(found, dwell, z, b):
+    grid = found.grid
+    which, row, col = cell_of(grid, found.ends, z, b)
+    base, base_core, own, own_core = (*found[5:7], *found[9:11]) if dwell else (*found[3:5], *found[7:9])
+    if row >= grid.rows:
+        return own_core[which, 0], *base_core[which]
+    i = (which * grid.rows + row) * grid.angles + col
+    return own[i, 0], *base[i]
+
+
+def test_tables_are_below_the_costs_to_go(tables):
+    compared = 0
+    close = []
+    for i, p in enumerate([BEST, *random_waveforms(100, 7)]):
+        if i > 50:
+            p[:2] *= 0.2
+        z, _, steps, _ = followed(p, 0.1)
+        times = np.concatenate([[0], np.cumsum(steps)])
+        response = simulated(p)[2]
+        at_us, heights = 1e6 * response.peak_times_s, abs(response.peaks_V)
+        largest = heights.max()
+        found = next(found for (least, most), found in tables.items() if least <= largest <= most)
+        for dwell, junction in ((True, p[2:5].sum()), (False, p[2:6].sum())):
+            if abs(at_us - junction).min() < 1e-6:
+                continue
+            state = z[np.argmin(abs(times - junction))]
+            rest = heights[at_us > junction]
+            to_come, passed, over = table_values(found, dwell, state, p[1])
+            assert over <= rest.sum() + 1e-9
+            assert passed <= rest.sum() + 4 * rest[0] + 1e-9
+            close.append(rest.sum() - over)
+            e = int(np.argmax(rest))
+            if rest[e] == largest:
+                compared += 1
+                assert to_come <= rest.sum() - 6 * rest[e] + 4 * rest[e + 1] + 1e-9
+    assert compared > 40
+    assert np.median(close) < 15
+
+
+def test_bounds_up_to_the_tables_are_below_the_costs_of_sampled_waveforms(tables):
+    rng = np.random.default_rng(8)
+    memory = walking.memory()
+    numbers = (PROBLEM.k, PROBLEM.law, PROBLEM.sup1, PROBLEM.sup2)
+    shown = 0
+    for i in range(40):
+        size = 10 ** rng.uniform(-3, 0.3)
+        radius = size * np.array([2, 2, 0.2, 0.2, 0.2, 0.2, 0.2]) * rng.random(7)
+        dwell = i % 2 == 0
+        radius[5 if dwell else 6 :] = 9.5
+        centre = random_waveforms(1, 200 + i)[0]
+        if i % 3 == 0:
+            centre = BEST + rng.normal(size=7) * radius
+        if i % 5 == 0:
+            centre[:2] = rng.choice([0.0, 1.0, 20.0, 79.0], 2)
+        centre = np.clip(centre, LOWER + radius, UPPER - radius)
+        found = [simulated(centre + radius * np.clip(rng.uniform(-1.4, 1.4, 7), -1, 1))[:2] for _ in range(10)]
+        for (least, most), of_part in tables.items():
+            bound = arriving.arriving_cost(
+                dwell, centre, radius, least, most, *numbers, of_part, *memory[:12], *memory[18:]
+            )
+            within = [cost for cost, largest in found if least <= largest <= most]
+            assert all(bound <= cost + 1e-6 for cost in within)
+            shown += -20 < bound < math.inf
+    assert shown > 20
 
 
 def tree(lower, upper, least, most, bound):
@@ -257,6 +354,26 @@ def test_a_sound_certificate_is_accepted(folder, trees, capsys):
 
 def test_a_leaf_is_divided_further(tmp_path):
     assert check(write(tmp_path / "c", [b"\x07", b"\x07"], PARTS, bound=-23.2)).divisions > 0
+
+
+def wide(folder, bound, parts=PARTS):
+    """A certificate with leaves that leave t4 and t5 whole."""
+    write(folder, [b"\x07"] * len(parts), parts, bound=bound)
+    description = json.loads((folder / "certificate.json").read_text())
+    for end, us in (("lower", 1e-6), ("upper", 2e-5)):
+        description["problem"]["bounds"][end][5:] = [us, us]
+    (folder / "certificate.json").write_text(json.dumps(description))
+    return folder
+
+
+def test_leaves_with_whole_durations_are_shown_by_tables(tmp_path, monkeypatch):
+    counted, part = [], checking._Part
+    monkeypatch.setattr(checking, "_Part", lambda *given: counted.append(part(*given)) or counted[-1])
+    assert check(wide(tmp_path / "c", -26.0), resolution=TINY, workers=2).whole
+    assert sum(one.counted for one in counted)[3] > 0
+    monkeypatch.setattr(walking, "BOXES_MOST", 50)
+    with pytest.raises(CertificateError, match="the claim of leaf 1 of part 0 could not be shown"):
+        check(wide(tmp_path / "false", -15.0, [[2.9, 7.0], [7.0, 40.0]]), resolution=TINY)
 
 
 @pytest.mark.parametrize("part", [0, 1])

@@ -3,6 +3,9 @@
 Where the largest ``|extremum|`` ``M`` is at most ``bound / A``, the cost is at least ``A M ≥ bound``. Nowhere is ``M``
 above the total variation of ``v`` times the gain. The parts must cover the range between; each is a tree of boxes that
 covers the whole box of waveforms.
+
+Where ``t5`` has a wide range, leaves may leave it whole: tables of the cost to go are filled first, see `tables`.
+Nothing of them is kept from one check to the next.
 """
 
 from __future__ import annotations
@@ -10,7 +13,8 @@ from __future__ import annotations
 import math
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from inkjet_env.experiments.bounds.verification import enclosing, walking
+from inkjet_env.experiments.bounds.verification import enclosing, leaves, walking
 from inkjet_env.experiments.bounds.verification.reading import (
     DESCRIPTION,
     Certificate,
@@ -26,6 +30,13 @@ from inkjet_env.experiments.bounds.verification.reading import (
     chunks,
     part_file,
     read_certificate,
+)
+from inkjet_env.experiments.bounds.verification.tables import (
+    Resolution,
+    TableMaker,
+    Tables,
+    no_tables,
+    table_maker,
 )
 from inkjet_env.progress import shown_progress
 
@@ -93,7 +104,7 @@ class _Part:
 
     number: int
     path: Path
-    counted: NDArray[np.int64] = field(default_factory=lambda: np.zeros(3, np.int64))
+    counted: NDArray[np.int64] = field(default_factory=lambda: np.zeros(walking.COUNTED, np.int64))
 
 
 def problem_of(certificate: Certificate) -> Problem:
@@ -171,7 +182,9 @@ def check_cover(certificate: Certificate, peak_V: float) -> None:
         raise CertificateError(f"{DESCRIPTION}: {text}")
 
 
-def check(folder: Path | str, workers: int = 1, part: int | None = None) -> Summary:
+def check(
+    folder: Path | str, workers: int = 1, part: int | None = None, resolution: Resolution | None = None
+) -> Summary:
     """Check a certificate.
 
     Parameters
@@ -179,9 +192,11 @@ def check(folder: Path | str, workers: int = 1, part: int | None = None) -> Summ
     folder : path
         Folder of the certificate.
     workers : int
-        Number of parts that are checked at the same time.
+        Number of threads: they share the tables that all parts have in common, and check parts at the same time.
     part : int, optional
         Check this part alone, counted from 0.
+    resolution : Resolution, optional
+        How fine the tables are; it decides how fast the check is, not what it accepts.
 
     Raises
     ------
@@ -202,47 +217,79 @@ def check(folder: Path | str, workers: int = 1, part: int | None = None) -> Summ
         if not one.path.is_file():
             raise CertificateError(f"{one.path}: is missing.")
     stop = np.zeros(1, np.int64)
-    with shown_progress("Verification, parts", len(parts)) as progress, ThreadPoolExecutor(max(1, workers)) as pool:
-        waiting = [pool.submit(_check_part, certificate, problem, one, stop) for one in parts]
-        try:
-            while waiting:
-                wait(waiting, timeout=POLL_S)
-                done = [future for future in waiting if future.done()]
-                for future in done:
-                    future.result()
-                waiting = [future for future in waiting if future not in done]
-                leaves = sum(int(one.counted[walking.LEAVES]) for one in parts)
-                progress(len(parts) - len(waiting), f"{leaves} leaves")
-        except BaseException:
-            stop[0] = 1
-            for future in waiting:
-                future.cancel()
-            raise
-    counted = sum((one.counted for one in parts), np.zeros(3, np.int64))
-    boxes, leaves, divisions = (int(value) for value in counted)
-    return Summary(certificate.bound_V, len(parts), total, boxes, leaves, divisions, time.monotonic() - began_s)
+    with ThreadPoolExecutor(max(1, workers)) as pool:
+        maker = _table_maker(certificate, problem, resolution or Resolution())
+        if maker is not None:
+            with shown_progress("Verification, tables", maker.ranges) as progress:
+                _finish(maker.fill_base(stop, pool), stop, progress, lambda: "")
+        with shown_progress("Verification, parts", len(parts)) as progress:
+            submitted = [pool.submit(_check_part, certificate, problem, maker, one, stop) for one in parts]
+            _finish(
+                submitted, stop, progress, lambda: f"{sum(int(one.counted[walking.LEAVES]) for one in parts)} leaves"
+            )
+    counted = sum((one.counted for one in parts), np.zeros(walking.COUNTED, np.int64))
+    boxes, leaf_count, divisions = (int(value) for value in counted[:3])
+    return Summary(certificate.bound_V, len(parts), total, boxes, leaf_count, divisions, time.monotonic() - began_s)
+
+
+def _finish(
+    submitted: Iterable[Future[None]],
+    stop: NDArray[np.int64],
+    progress: Callable[[int, str], object],
+    told: Callable[[], str],
+) -> None:
+    """Wait until all work is done; if some of it fails, or on Ctrl-C, stop the rest."""
+    waiting: list[Future[None]] = []
+    try:
+        for future in submitted:
+            waiting.append(future)
+        total = len(waiting)
+        while waiting:
+            wait(waiting, timeout=POLL_S)
+            done = [future for future in waiting if future.done()]
+            for future in done:
+                future.result()
+            waiting = [future for future in waiting if future not in done]
+            progress(total - len(waiting), told())
+    except BaseException:
+        stop[0] = 1
+        for future in waiting:
+            future.cancel()
+        raise
+
+
+def _table_maker(certificate: Certificate, problem: Problem, resolution: Resolution) -> TableMaker | None:
+    """What fills the tables; None where no leaf is too wide for a bound without them, or they would take too much."""
+    lower, upper = certificate.lower, certificate.upper
+    if (upper[leaves.T5] - lower[leaves.T5]) / 2 <= leaves.COARSE_LAST_US:
+        return None
+    numbers = (problem.k, problem.law, problem.sup1, problem.sup2, float(problem.peak_V))
+    return table_maker(*numbers, lower, upper, resolution)
 
 
 _compiling = threading.Lock()
 
 
-def _check_part(certificate: Certificate, problem: Problem, part: _Part, stop: NDArray[np.int64]) -> None:
+def _check_part(
+    certificate: Certificate, problem: Problem, maker: TableMaker | None, part: _Part, stop: NDArray[np.int64]
+) -> None:
     least, most = certificate.parts[part.number]
     lows, highs, top = walking.first_boxes(certificate.lower, certificate.upper)
     failed = np.empty((2, walking.SIDES))
     work = walking.memory()
+    tables: Tables = no_tables() if maker is None else maker.for_part(least, most, stop)
 
     def walk(data: NDArray[np.uint8], top: int) -> tuple[int, int]:
         found: Any = walking.walk(
             data, lows, highs, top, part.counted, least, most, certificate.bound_V,
-            problem.k, problem.law, problem.sup1, problem.sup2, stop, failed, work,
+            problem.k, problem.law, problem.sup1, problem.sup2, tables, stop, failed, work,
         )  # fmt: skip
         return int(found[0]), int(found[1])
 
     with _compiling:
         walk(np.empty(0, np.uint8), top)
     for data in chunks(part.path):
-        ended, top = walk(np.frombuffer(data, np.uint8), top)
+        ended, top = walk(np.array(bytearray(data), np.uint8), top)
         if ended == walking.STOPPED:
             return
         if ended != walking.GOING_ON:

@@ -1,48 +1,40 @@
-"""Least cost over a box of waveforms from the windows of its extrema, and the division of boxes; see `enclosing`."""
+"""Least cost over a box of waveforms from the windows of its extrema; see `enclosing`."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import njit
 
+from inkjet_env.experiments.bounds.verification.compiling import inner
 from inkjet_env.experiments.bounds.verification.enclosing import (
     A_WEIGHT,
     B_WEIGHT,
+    CELL_US,
     COUNT,
     LAMBDA,
     MARGIN_V,
-    NODES_MOST,
     OMEGA,
     RING,
-    WINDOWS_MOST,
+    at_rest,
     find_windows,
     follow,
 )
 
-VOLT_US = 0.03
-"""A width in V counts like this many µs when a box is halved."""
-COARSE_US = 1.3
-"""A box with a half width above this, in µs, is halved without a try; on the last edge, see `COARSE_LAST_US`."""
-COARSE_LAST_US = 2.6
-"""The same for the last edge, after which no corner moves."""
 SIDES = 7
 LATER, NONE = 0, 1
 
 
-@njit(nogil=True)
+@inner
 def geometric(ratio, count):
     """Sum of the first ``count`` powers of ``ratio``, from the zeroth."""
     return 0.0 if count <= 0 else (1.0 - ratio**count) / (1.0 - ratio)
 
 
-@njit(nogil=True)
-def linear_least(
-    weight, e_free, e, single, most, k, windows, radius, z, dz, low, high, where, err, short, end, tail
-):  # fmt: skip
-    """Least of one course's linear function over the box, in V.
+@inner
+def linear_course(weight, e_free, e, single, most, k, windows, z, dz, low, high, where, err, short, slopes):
+    """One course's linear function over the box: its value at the centre in V; `slopes` receives its derivatives.
 
     Parameters
     ----------
@@ -51,14 +43,13 @@ def linear_least(
     e_free : bool
         The effective extremum's part ``A |y_e|`` stands as ``A · most`` in place of its linear function.
     e : int
-        Window of the effective extremum.
+        Window of the effective extremum, −1 if it is in none.
     single : bool
         Whether all of that window's weight is on one extremum, and it is not split.
-    tail : float
-        Weight of the modulus of the state at node ``end``, where the drive ends.
     """
     value = 0.0
-    slopes = np.zeros(SIDES)
+    for j in range(SIDES):
+        slopes[j] = 0.0
     for i in range(windows):
         w = weight[i]
         size = w * short[i] if w >= 0.0 else -w * err[i]
@@ -82,6 +73,24 @@ def linear_least(
         value += w * sign * y - size
         for j in range(SIDES):
             slopes[j] += w * sign * dz[node, j].imag
+    return value
+
+
+@inner
+def linear_least(
+    weight, e_free, e, single, most, k, windows, radius, z, dz, low, high, where, err, short, end, tail
+):  # fmt: skip
+    """Least of one course's linear function over the box, in V; see `linear_course`.
+
+    Parameters
+    ----------
+    tail : float
+        Weight of the modulus of the state at node ``end``, where the drive ends.
+    """
+    slopes = np.zeros(SIDES)
+    value = linear_course(
+        weight, e_free, e, single, most, k, windows, z, dz, low, high, where, err, short, slopes
+    )  # fmt: skip
     plain = value
     for j in range(SIDES):
         plain -= abs(slopes[j]) * radius[j]
@@ -116,7 +125,7 @@ def linear_least(
     return best
 
 
-@njit(nogil=True)
+@inner
 def end_rest(end, err):
     """What second derivatives contribute to the state at the drive's end, in V; kept behind the windows' errors."""
     return err[err.size - 1]
@@ -126,12 +135,17 @@ def end_rest(end, err):
 def least_cost(centre, radius, least, most, k, law, sup1, sup2, z, dz, rest, seconds, cell, kind, low, high, where, err,
                short, weight):  # fmt: skip
     """Bound from below, in V, of the costs of a box's waveforms whose largest ``|extremum|`` is in ``least … most``."""
-    n = follow(centre, radius, k, law, sup1, sup2, -1.0, z, dz, rest, seconds, cell)
+    at_rest(z, dz, rest)
+    n = follow(np.int64(0), np.int64(5), CELL_US, centre, radius, k, law, sup1, sup2, -1.0, z, dz, rest, seconds, cell)
     if n == 0:
         return -math.inf
-    windows, clean = find_windows(n, radius, k, z, dz, rest, seconds, cell, False, kind, low, high, where, err, short)
-    if windows >= 0 and not clean:
-        windows, _ = find_windows(n, radius, k, z, dz, rest, seconds, cell, True, kind, low, high, where, err, short)
+    windows, clean = np.int64(-1), False
+    for attempt in range(2):
+        # the second one leaves out the time after the drive
+        if attempt == 0 or (windows >= 0 and not clean):
+            windows, clean, _, _ = find_windows(
+                n, radius, k, z, dz, rest, seconds, cell, attempt == 1, kind, low, high, where, err, short
+            )
     if windows < 0:
         return -math.inf
     end = n
@@ -234,97 +248,3 @@ def least_cost(centre, radius, least, most, k, law, sup1, sup2, z, dz, rest, sec
                 plain += low[i]
         bound = min(bound, plain)
     return bound - MARGIN_V
-
-
-@njit(nogil=True)
-def check_leaf(lower, upper, least, most, bound, k, law, sup1, sup2, deepest, boxes_most, stop, failed, work):
-    """Show that every waveform of a box costs at least ``bound``, where necessary by halving it.
-
-    Parameters
-    ----------
-    lower, upper : array of shape (7,)
-        Ends of the box in V and µs.
-    least, most : float
-        Range of the largest ``|extremum|`` of the waveforms that the claim is about, in V.
-    bound : float
-        Claimed bound in V.
-    k, law, sup1, sup2
-        The problem, see `checking.constants`.
-    deepest, boxes_most : int
-        Most halvings one within another, and most boxes in all.
-    stop : array of shape (1,)
-        The work ends early as soon as this is not 0.
-    failed : array of shape (2, 7)
-        Receives the box that could not be shown.
-    work : tuple of arrays
-        See `working_memory`.
-
-    Returns
-    -------
-    int
-        Number of further halvings; −1 if the claim could not be shown; −2 if it was stopped.
-    """
-    z, dz, rest, seconds, cell, kind, low, high, where, err, short, weight, lows, highs, depths, centre, radius = work
-    lows[0] = lower
-    highs[0] = upper
-    depths[0] = 0
-    top = 0
-    boxes = 0
-    while top >= 0:
-        if stop[0] != 0:
-            return -2
-        boxes += 1
-        widest, side = -1.0, 0
-        coarse = False
-        for j in range(SIDES):
-            centre[j] = 0.5 * (lows[top, j] + highs[top, j])
-            radius[j] = max(highs[top, j] - centre[j], centre[j] - lows[top, j]) * (1.0 + 1e-14)
-            scaled = radius[j] * (VOLT_US if j < 2 else 1.0)
-            coarse = coarse or scaled > (COARSE_LAST_US if j == SIDES - 1 else COARSE_US)
-            if scaled > widest:
-                widest, side = scaled, j
-        if not coarse:
-            value = least_cost(
-                centre, radius, least, most, k, law, sup1, sup2,
-                z, dz, rest, seconds, cell, kind, low, high, where, err, short, weight,
-            )  # fmt: skip
-            if value >= bound:
-                top -= 1
-                continue
-        if depths[top] >= deepest or boxes > boxes_most or widest <= 0.0:
-            failed[0] = lows[top]
-            failed[1] = highs[top]
-            return -1
-        depth = depths[top] + 1
-        lows[top + 1] = lows[top]
-        highs[top + 1] = highs[top]
-        highs[top + 1, side] = centre[side]
-        lows[top, side] = centre[side]
-        depths[top] = depth
-        depths[top + 1] = depth
-        top += 1
-    return (boxes - 1) // 2
-
-
-def working_memory(deepest: int) -> tuple[Any, ...]:
-    """Arrays in which one thread works on leaves that are halved at most ``deepest`` times."""
-    nodes = NODES_MOST + 1
-    return (
-        np.empty(nodes, np.complex128),
-        np.empty((nodes, SIDES), np.complex128),
-        np.empty(nodes),
-        np.empty((nodes, 3)),
-        np.empty(nodes, np.int64),
-        np.empty(WINDOWS_MOST, np.int64),
-        np.empty(WINDOWS_MOST),
-        np.empty(WINDOWS_MOST),
-        np.empty(WINDOWS_MOST, np.int64),
-        np.empty(WINDOWS_MOST + 1),
-        np.empty(WINDOWS_MOST),
-        np.empty(WINDOWS_MOST),
-        np.empty((deepest + 2, SIDES)),
-        np.empty((deepest + 2, SIDES)),
-        np.empty(deepest + 2, np.int64),
-        np.empty(SIDES),
-        np.empty(SIDES),
-    )

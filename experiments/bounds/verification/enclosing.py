@@ -34,6 +34,8 @@ import math
 import numpy as np
 from numba import njit
 
+from inkjet_env.experiments.bounds.verification.compiling import inner
+
 MARGIN_V = 1e-7
 """Subtracted from every bound for the rounding errors, in V."""
 SLOPE_MARGIN = 1e-10
@@ -55,7 +57,7 @@ WEIGHTS = 0.5 * _WEIGHTS
 ALPHA, OMEGA, GAIN, SCALE, A_WEIGHT, B_WEIGHT, RING, SIGMA, LAMBDA, COUNT = range(10)
 
 
-@njit(nogil=True)
+@inner
 def slope_of_law(x, law):
     """Slope ``Q'`` of the branch law at ``x``; ``law`` holds the coefficients of ``Q'``, lowest power first."""
     x = min(x, 1.0)
@@ -65,7 +67,7 @@ def slope_of_law(x, law):
     return value
 
 
-@njit(nogil=True)
+@inner
 def bend_of_law(x, law):
     """``Q''`` at ``x``, 0 beyond the full scale."""
     if x > 1.0:
@@ -76,12 +78,25 @@ def bend_of_law(x, law):
     return value
 
 
+@inner
+def at_rest(z, dz, rest):
+    """Set the first node to the state before the drive, which is 0 for all waveforms."""
+    z[0] = 0.0
+    rest[0] = 0.0
+    for j in range(7):
+        dz[0, j] = 0.0
+
+
 @njit(nogil=True)
-def follow(centre, radius, k, law, sup1, sup2, ring_us, z, dz, rest, seconds, cell):
-    """Follow ``z`` and its derivatives at the centre of a box.
+def follow(first, last, cell_us, centre, radius, k, law, sup1, sup2, ring_us, z, dz, rest, seconds, cell):
+    """Follow ``z`` and its derivatives at the centre of a box over some parts of the waveform.
 
     Parameters
     ----------
+    first, last : int
+        First and last part: 0 to 4 for ``t1`` to ``t5``, 5 for the time after the drive.
+    cell_us : float
+        Longest cell between two nodes, in µs.
     centre, radius : array of shape (7,)
         Middle and half widths of the box, in V and µs.
     k : array
@@ -93,9 +108,9 @@ def follow(centre, radius, k, law, sup1, sup2, ring_us, z, dz, rest, seconds, ce
     ring_us : float
         How long the response is followed after the drive; negative: as long as its first clear extremum needs.
     z, dz : complex arrays of shapes (nodes,) and (nodes, 7)
-        Receive the state at the nodes, in V, and its derivatives.
+        The state at the nodes, in V, and its derivatives; the first node's are given.
     rest : array
-        Receives the bound of what second derivatives contribute at the nodes, in V.
+        The bound of what second derivatives contribute at the nodes, in V; the first node's is given.
     seconds : array of shape (cells, 3)
         Receives per cell its longest duration in µs and the bounds of ``|y''|`` and ``|y'''|``.
     cell : int array
@@ -114,11 +129,7 @@ def follow(centre, radius, k, law, sup1, sup2, ring_us, z, dz, rest, seconds, ce
     ra, rb = radius[0], radius[1]
     kernels = np.empty(POINTS.size, np.complex128)
     n = 0
-    z[0] = 0.0
-    rest[0] = 0.0
-    for j in range(7):
-        dz[0, j] = 0.0
-    for part in range(6):
+    for part in range(first, last + 1):
         ring = part == 5
         edge = part == 0 or part == 2 or part == 4
         if ring:
@@ -151,19 +162,19 @@ def follow(centre, radius, k, law, sup1, sup2, ring_us, z, dz, rest, seconds, ce
             if kink < 1e-9 or kink > 1.0 - 1e-9:
                 kink = 1.0 if kink > 0.5 else 0.0
         z0 = abs(z[n])
-        first = 0.0
+        away0 = 0.0
         for j in range(7):
-            first += abs(dz[n, j]) * radius[j]
+            away0 += abs(dz[n, j]) * radius[j]
         s0 = rest[n]
-        reach0 = z0 + first + s0
-        first += 2.0 * s0
+        reach0 = z0 + away0 + s0
+        away0 += 2.0 * s0
         theta = 0.0
         for piece in range(2):
             begin = 0.0 if piece == 0 else kink
             end = kink if piece == 0 else 1.0
             if end - begin <= 0.0:
                 continue
-            cells = math.ceil(longest * (end - begin) / CELL_US)
+            cells = math.ceil(longest * (end - begin) / cell_us)
             if edge:
                 cells = max(cells, LEAST_CELLS if piece == 0 else 2)
             cells = max(cells, 1)
@@ -218,7 +229,7 @@ def follow(centre, radius, k, law, sup1, sup2, ring_us, z, dz, rest, seconds, ce
                 sec = s0
                 if not ring:
                     turned = theta * size * rt
-                    sec += turned * first + 0.5 * turned * turned * reach0
+                    sec += turned * away0 + 0.5 * turned * turned * reach0
                     if edge:
                         w_all = sup1 * (span + rspan)
                         sec += 0.5 * gain * size * size * w_all * theta**3 / 3.0 * rt * rt
@@ -255,7 +266,7 @@ def follow(centre, radius, k, law, sup1, sup2, ring_us, z, dz, rest, seconds, ce
     return n
 
 
-@njit(nogil=True)
+@inner
 def find_windows(n, radius, k, z, dz, rest, seconds, cell, stop_at_end, kind, low, high, where, err, short):
     """Windows of the cells that may contain extrema; see the module.
 
@@ -276,6 +287,10 @@ def find_windows(n, radius, k, z, dz, rest, seconds, cell, stop_at_end, kind, lo
         Number of windows, −1 if there are too many.
     clean : bool
         Whether the slope at the end is known, and the last window is an odd one after the drive.
+    sign : int
+        Sign of the slope at the end, 0 if unknown.
+    before : int
+        Where it is unknown, the sign before the last window, which lasts to the end; 0 if that is unknown as well.
     """
     lam = complex(-k[SIGMA], k[OMEGA])
     count = 0
@@ -311,7 +326,7 @@ def find_windows(n, radius, k, z, dz, rest, seconds, cell, stop_at_end, kind, lo
                 last = i - 1 if definite else i
                 after = node_sign if definite else (sign if i == limit else 0)
                 if count >= WINDOWS_MOST:
-                    return -1, False
+                    return -1, False, 0, 0
                 # anchor: the node of least slope at the centre
                 best = begun
                 for m in range(begun, last + 1):
@@ -377,5 +392,5 @@ def find_windows(n, radius, k, z, dz, rest, seconds, cell, stop_at_end, kind, lo
         node_sign = sign
         least0 = least
     if begun >= 0:
-        return -1, False
-    return count, clean
+        return -1, False, 0, 0
+    return count, clean, node_sign, before

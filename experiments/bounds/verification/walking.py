@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from inkjet_env.experiments.bounds.verification.courses import check_leaf, working_memory
+from inkjet_env.experiments.bounds.verification.leaves import check_leaf, working_memory
 
 LEAF = 7
 SIDES = 7
@@ -23,10 +23,12 @@ BOXES_MOST = 2_000_000
 GOING_ON, NO_SUCH_BYTE, NO_WIDTH, TOO_DEEP, AFTER_END, NOT_SHOWN, STOPPED = range(7)
 # what has been counted
 BOXES, LEAVES, DIVISIONS = range(3)
+COUNTED = 6
+"""These, and how many bounds of each way were computed, see `leaves.check_leaf`."""
 
 
 @njit(nogil=True)
-def walk(data, lows, highs, top, counted, least, most, bound, k, law, sup1, sup2, stop, failed, work):
+def walk(data, lows, highs, top, counted, least, most, bound, k, law, sup1, sup2, tables, stop, failed, work):
     """Walk on over the bytes of a tree.
 
     Parameters
@@ -37,10 +39,10 @@ def walk(data, lows, highs, top, counted, least, most, bound, k, law, sup1, sup2
         The boxes that are still to come, the next one last.
     top : int
         Index of the next box, −1 at the end of the tree.
-    counted : array of shape (3,)
-        Number of boxes, leaves and further divisions so far.
-    least, most, bound, k, law, sup1, sup2, stop, failed, work
-        See `courses.check_leaf`.
+    counted : array of shape (`COUNTED`,)
+        What has been counted so far.
+    least, most, bound, k, law, sup1, sup2, tables, stop, failed, work
+        See `leaves.check_leaf`.
 
     Returns
     -------
@@ -59,8 +61,8 @@ def walk(data, lows, highs, top, counted, least, most, bound, k, law, sup1, sup2
         if byte == LEAF:
             counted[LEAVES] += 1
             divisions = check_leaf(
-                lows[top], highs[top], least, most, bound, k, law, sup1, sup2,
-                DIVISIONS_DEEPEST, BOXES_MOST, stop, failed, work,
+                lows[top], highs[top], least, most, bound, k, law, sup1, sup2, tables,
+                DIVISIONS_DEEPEST, BOXES_MOST, stop, failed, work, counted[3:],
             )  # fmt: skip
             if divisions == -1:
                 return NOT_SHOWN, top
@@ -74,8 +76,8 @@ def walk(data, lows, highs, top, counted, least, most, bound, k, law, sup1, sup2
             return NO_WIDTH, top
         if top >= DEEPEST:
             return TOO_DEEP, top
-        lows[top + 1] = lows[top]
-        highs[top + 1] = highs[top]
+        for j in range(SIDES):
+            lows[top + 1, j], highs[top + 1, j] = lows[top, j], highs[top, j]
         highs[top + 1, byte] = middle
         lows[top, byte] = middle
         top += 1
@@ -92,6 +94,6 @@ def first_boxes(
 
 
 def memory() -> tuple[Any, ...]:
-    """Working memory of a thread, see `courses.working_memory`."""
+    """Working memory of a thread, see `leaves.working_memory`."""
     arrays: tuple[Any, ...] = working_memory(DIVISIONS_DEEPEST)
     return arrays
