@@ -175,13 +175,14 @@ class TableMaker:
         edge, edge_core, dwell, dwell_core = filled
         b = 0.5 * (t.ends[which] + t.ends[which + 1])
         half_b = max(t.ends[which + 1] - b, b - t.ends[which]) * (1 + SLACK)
-        made = kernels(b, half_b, *self._times[2:], self._levels, k, law, sup1, sup2)
+        dwell_us, edge_us = self._times[:2], self._times[2:]
+        made = kernels(b, half_b, edge_us[0], edge_us[1], self._levels, k, law, sup1, sup2)
         if made is None:
             return
         of_all = (least, most, k)
         fill_edge(t.grid, which, self._levels, to_come, *of_all, *made, edge, edge_core, stop)
         fill_dwell(
-            t.grid, which, *self._times[:2], omega, to_come, *of_all, edge, edge_core, t.edge, t.edge_core,
+            t.grid, which, dwell_us[0], dwell_us[1], omega, to_come, *of_all, edge, edge_core, t.edge, t.edge_core,
             dwell, dwell_core,
         )  # fmt: skip
         for table in (edge, dwell):
