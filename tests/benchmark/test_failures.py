@@ -66,7 +66,7 @@ def failing(method):
 
 
 def test_an_exception_of_an_optimiser_leaves_it_out_and_goes_on(tmp_path, monkeypatch, here):
-    entrant = SimpleNamespace(optimizer="random", options={}, made=lambda budget, seed: Broken(7, budget, seed))
+    entrant = SimpleNamespace(optimizer="random", options={}, made=lambda budget, seed, beside: Broken(7, budget, seed))
     known = runner.entrant
     monkeypatch.setattr(runner, "entrant", lambda name: entrant if name == "random" else known(name))
     outcome = run_bench(small_settings(), tmp_path / "r")
