@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from inkjet_env.experiments.bounds.cost_to_go import gradient_of, look_up, tilted
+from inkjet_env.experiments.bounds.table_cells import gradient_of, look_up, tilted
 from inkjet_env.experiments.bounds.trajectory import (
     BEND,
     BEND_BEFORE,

@@ -9,7 +9,6 @@ proven is kept: the same command goes on after an interruption. The folder is th
 from __future__ import annotations
 
 import argparse
-import itertools
 import json
 import lzma
 import math
@@ -19,243 +18,22 @@ import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.benchmark.suite import problem
-from inkjet_env.experiments.bounds.cost_to_go import LEVELS, Grid, coarser, dwell_table, edge_table, ring_down
-from inkjet_env.experiments.bounds.head_numbers import GAIN, STEEPEST, head_numbers
+from inkjet_env.experiments.bounds.tables import Tables
+from inkjet_env.experiments.bounds.task import Settings, parts_of, task_of
 from inkjet_env.experiments.bounds.tree import FULL, PROVED, STOPPED, STUCK, influences, prove
-from inkjet_env.experiments.bounds.windows import NEVER
 from inkjet_env.experiments.execution.held_folder import held
-from inkjet_env.printhead import Printhead
 from inkjet_env.progress import shown_progress
-from inkjet_env.storage import archive_bytes, json_text, remove_unfinished, write_atomically
+from inkjet_env.storage import json_text, remove_unfinished, write_atomically
 from inkjet_env.typing import Real
 
 MODULE = "inkjet_env.experiments.bounds.search"
 FORMAT = "lower-bound/1"
-MICRO = 1e-6
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How the search goes about it; what it proves does not depend on them.
-
-    Attributes
-    ----------
-    width : float
-        Width of a part in the largest extremum, relative to it.
-    voltages : tuple of floats
-        Ends of the ranges of −U2 of the tables, from 0 to 1 within its bounds.
-    angles, turn : int
-        Cells of the tables; see `Grid`.
-    table_levels, table_step : int, float
-        Halvings of the last edge's duration in the tables, and largest distance of its nodes in µs.
-    pieces : int
-        Number of times that the box of all waveforms is halved before its pieces are distributed.
-    thresholds, steps, finest
-        As for `tree.prove`.
-    deepest, most : int
-        Largest number of halvings of a piece, and of its boxes.
-    """
-
-    width: float = 0.04
-    voltages: tuple[float, ...] = (
-        *(0.0, 0.2, 0.4, 0.5, 0.6),
-        *(0.62 + 0.02 * k for k in range(9)),
-        *(0.8 + 0.01 * k for k in range(20)),
-        1.0,
-    )
-    angles: int = 640
-    turn: int = 60
-    table_levels: int = 4
-    table_step: float = 0.35
-    pieces: int = 10
-    thresholds: tuple[float, float] = (0.5, 0.5)
-    steps: tuple[float, float] = (0.02, 0.5)
-    finest: float = 12.0
-    deepest: int = 100
-    most: int = 200_000_000
-
-
-@dataclass(frozen=True)
-class Task:
-    """What is to be proven, in µs and volts.
-
-    Attributes
-    ----------
-    head : ndarray
-        `head_numbers`.
-    weights : tuple of two floats
-        Weights of the effective extremum and of the next.
-    lower, upper : ndarray, shape (7,)
-        The waveforms: U1, −U2, then five durations.
-    window : float
-        Time within which extrema count.
-    """
-
-    head: Real
-    weights: tuple[float, float]
-    lower: Real
-    upper: Real
-    window: float
-
-    @property
-    def highest(self) -> float:
-        """A bound of all extrema, in volts: what the edges push, if they all push the same way."""
-        a, b = self.upper[:2]
-        return float(self.head[GAIN] * self.head[STEEPEST] * (a + (a + b) + b))
-
-    @property
-    def ring(self) -> tuple[float, float, float, float]:
-        """`ring_down`."""
-        found: tuple[float, float, float, float] = ring_down(
-            self.head, self.weights, float(self.upper[2:].sum()), self.window
-        )
-        return found
-
-
-def task_of(one: Problem) -> Task:
-    """The task of a problem.
-
-    Raises
-    ------
-    ValueError
-        Bounds of such problems cannot be proven; the message says why.
-    """
-    cost, head = one.cost, one.printhead
-    obstacles = {
-        "its head has effects beyond the base model": not isinstance(head, Printhead),
-        "its costs are read with errors or late": bool(one.measurement_noise_V or one.instruments),
-        "it is judged on several heads": one.spread is not None or one.ensemble is not None,
-        "its waveforms follow one another": one.jetting_Hz != 0 or one.pulses != 0,
-        "its drive does not begin in the periodic state": one.initial_state != "periodic",
-        "its effective peak is not the largest one": cost.effective != "largest",
-        "its cost has a target height": math.isfinite(cost.target_height_V),
-        f"its weights are not A ≤ 0 and B ≥ 1: {cost.A:g} and {cost.B:g}": cost.A > 0 or cost.B < 1,
-        "its voltages do not rise first and fall then": one.bounds.lower[0] < 0 or one.bounds.upper[1] > 0,
-        "its window ends before its waveforms": one.window_s < sum(one.bounds.upper[2:]),
-    }
-    for why, stands in obstacles.items():
-        if stands:
-            raise ValueError(f"{one.name}: no bound can be proven, since {why}.")
-    assert isinstance(head, Printhead)
-    low, high = np.array(one.bounds.lower), np.array(one.bounds.upper)
-    lower = np.concatenate([[low[0], -high[1]], low[2:] / MICRO])
-    upper = np.concatenate([[high[0], -low[1]], high[2:] / MICRO])
-    window = one.window_s / MICRO if math.isfinite(one.window_s) else 1e6
-    return Task(head_numbers(head), (float(cost.A), float(cost.B)), lower, upper, window)
-
-
-def parts_of(task: Task, bound_V: float, width: float) -> list[tuple[float, float]]:
-    """Ranges of the largest extremum in volts: from where nothing can cost less, to the highest of all."""
-    least = bound_V / task.weights[0]
-    count = max(1, math.ceil(math.log(task.highest / least) / width)) if task.highest > least else 0
-    ends = [least * (task.highest / least) ** (k / count) for k in range(count + 1)] if count else []
-    return list(itertools.pairwise(ends))
-
-
-class Tables:
-    """What the rest of a waveform costs at least, for ranges of U2.
-
-    Parameters
-    ----------
-    task : Task
-    settings : Settings
-    threads : int
-        Number of threads.
-    """
-
-    def __init__(self, task: Task, settings: Settings, threads: int) -> None:
-        self.task, self.settings, self.threads = task, settings, threads
-        self.grid = Grid(settings.angles, settings.turn, largest=task.highest)
-        self.shape = (self.grid.angles, self.grid.step(task.head), self.grid.smallest)
-        ends = task.lower[1] + (task.upper[1] - task.lower[1]) * np.array(self.settings.voltages)
-        self.low_b, self.high_b = ends[:-1].copy(), ends[1:].copy()
-        size = (self.low_b.size, self.grid.labels(task.head), self.grid.angles, 3)
-        self.edge = np.full(size, np.inf, np.float32)
-        self.dwell = np.empty_like(self.edge)
-        self.inner = np.full((self.low_b.size, 3), NEVER)
-
-    def prepare(self, folder: Path) -> None:
-        """Compute what holds for every part, what it costs after the effective extremum, or read it from the folder."""
-        file = folder / "tables.npz"
-        asked = json_text(
-            [
-                list(map(float, self.task.head)),
-                self.task.weights,
-                list(self.task.lower),
-                list(self.task.upper),
-                self.task.window,
-                asdict(self.settings),
-            ]
-        )
-        if file.exists():
-            with np.load(file, allow_pickle=False) as kept:
-                if str(kept["asked"]) == asked:
-                    self.edge[:, :, :, 1:], self.inner[:, 1:] = kept["edge"], kept["inner"]
-                    return
-        self._each("tables for all parts", self._prepare)
-        made = {"asked": np.array(asked), "edge": self.edge[:, :, :, 1:], "inner": self.inner[:, 1:]}
-        write_atomically(file, archive_bytes(made))
-
-    def _prepare(self, k: int) -> None:
-        _task, table = self.task, np.empty(self.edge.shape[1:])
-        self._last_edge(k, (NEVER, NEVER), (1, 2), table)
-        self.edge[k, :, :, 1:] = _rounded_down(table[:, :, 1:])
-
-    def for_part(self, limits: tuple[float, float]) -> tuple[Any, Any, Real, Real]:
-        """Tables at the dwell and at the last edge, by levels, and their values near 0."""
-        self._each(f"tables for {limits[0]:.3f} to {limits[1]:.3f} V", lambda k: self._for_part(k, limits))
-        near_dwell = self.inner.copy()
-        near_dwell[:, 1] = self.inner[:, 1:].min(axis=1)
-        return _levels(self.dwell), _levels(self.edge), near_dwell, self.inner.copy()
-
-    def _for_part(self, k: int, limits: tuple[float, float]) -> None:
-        task, table, dwell = self.task, np.empty(self.edge.shape[1:]), np.empty(self.edge.shape[1:])
-        self._last_edge(k, limits, (0, 0), table)
-        self.edge[k, :, :, 0] = _rounded_down(table[:, :, 0])
-        table[:, :, 1:] = self.edge[k, :, :, 1:]
-        dwell_table(
-            task.head, task.weights, table, self.inner[k], (float(task.lower[5]), float(task.upper[5])), self.shape,
-            self.grid.turn, limits, dwell,
-        )  # fmt: skip
-        self.dwell[k] = _rounded_down(dwell)
-
-    def _last_edge(self, k: int, limits: tuple[float, float], modes: tuple[int, int], table: Real) -> None:
-        task, told = self.task, self.settings
-        durations = float(task.lower[6]), float(task.upper[6])
-        edge_table(
-            task.head, task.weights, task.ring, self.low_b[k], self.high_b[k], durations, told.table_levels,
-            told.table_step, self.shape, limits, modes, table, self.inner[k],
-        )  # fmt: skip
-
-    def _each(self, label: str, work: Any) -> None:
-        with ThreadPoolExecutor(self.threads) as pool, shown_progress(label, self.low_b.size) as show:
-            for done, one in enumerate(as_completed([pool.submit(work, k) for k in range(self.low_b.size)]), 1):
-                one.result()
-                show(done)
-
-
-def _rounded_down(values: Real) -> NDArray[np.float32]:
-    """Values of half the size, none larger; what no course does is infinite."""
-    with np.errstate(over="ignore"):
-        found = values.astype(np.float32)
-    return np.nextafter(found, np.float32(-np.inf), where=np.isfinite(found), out=found)
-
-
-def _levels(tables: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
-    """Tables and ever coarser ones, for `cost_to_go.look_up`."""
-    found = [tables]
-    for _ in range(LEVELS - 1):
-        found.append(np.array([coarser(one) for one in found[-1]]))
-    return tuple(found)
 
 
 def halved(lower: Real, upper: Real, sides: Sequence[int]) -> tuple[Real, Real]:

@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 
 from inkjet_env.experiments.bounds.box_bound import WINDOW_COLUMNS, prefix_bound, whole_bound
-from inkjet_env.experiments.bounds.cost_to_go import CELL_COLUMNS
 from inkjet_env.experiments.bounds.head_numbers import GAIN, OMEGA, SIGMA
+from inkjet_env.experiments.bounds.table_cells import CELL_COLUMNS
 from inkjet_env.experiments.bounds.trajectory import NODE_COLUMNS, PARAMETERS
 from inkjet_env.typing import Real
 

@@ -99,8 +99,8 @@ def predicted_signals(
             waveform = Waveform.from_array(row)
             try:
                 response = head.respond(waveform, initial_state, window_s, period_s=period_s)
-            except ValueError:
-                if math.isinf(period_s):
+            except ValueError as error:
+                if math.isinf(period_s) or not isinstance(error.__cause__, FloatingPointError):
                     raise
                 response = head.respond(waveform, initial_state, window_s)
             yield Signal(response.sensor_at_steps_V, response.step_s)

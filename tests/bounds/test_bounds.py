@@ -13,6 +13,7 @@ from inkjet_env.experiments.bounds import search
 from inkjet_env.experiments.bounds.box_bound import WINDOW_COLUMNS, whole_bound
 from inkjet_env.experiments.bounds.cost_to_go import ring_down
 from inkjet_env.experiments.bounds.head_numbers import OMEGA, SIGMA, head_numbers, polynomial_range
+from inkjet_env.experiments.bounds.task import Settings, task_of
 from inkjet_env.experiments.bounds.trajectory import NODE_COLUMNS, PARAMETERS, Y, follow
 from inkjet_env.experiments.bounds.tree import PROVEN
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
@@ -25,9 +26,7 @@ BEST = np.array(
     [100, 100, 1.0000000109989415, 10.48994805910811, 13.743827858249958, 9.814569003260661, 19.958894154308322]
 )
 BEST_V = -22.832046
-SMALL = search.Settings(
-    width=0.5, voltages=(0.0, 0.5, 1.0), angles=64, turn=8, table_levels=1, table_step=0.5, pieces=3
-)
+SMALL = Settings(width=0.5, voltages=(0.0, 0.5, 1.0), angles=64, turn=8, table_levels=1, table_step=0.5, pieces=3)
 
 
 def response_to(point):
@@ -231,4 +230,4 @@ def test_a_bound_above_the_least_cost_is_not_proven(tmp_path):
 )
 def test_what_no_bound_is_for_is_refused(changes, why):
     with pytest.raises(ValueError, match=why):
-        search.task_of(problem_of(LOWER, UPPER, **changes))
+        task_of(problem_of(LOWER, UPPER, **changes))
