@@ -25,7 +25,7 @@ import numpy as np
 from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.benchmark.suite import problem
 from inkjet_env.experiments.bounds.tables import Tables
-from inkjet_env.experiments.bounds.task import Settings, parts_of, task_of
+from inkjet_env.experiments.bounds.task import TABLES, Settings, parts_of, task_of
 from inkjet_env.experiments.bounds.tree import FULL, PROVED, STOPPED, STUCK, influences, prove
 from inkjet_env.experiments.execution.held_folder import held
 from inkjet_env.progress import shown_progress
@@ -203,13 +203,16 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--bound", type=float, required=True, help="bound in volts")
     parser.add_argument("--folder", type=Path, required=True, help="folder of the certificate")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="number of threads; one per core")
+    parser.add_argument(
+        "--tables", choices=TABLES, default="coarse", help="fine ones take an hour, and pay where the bound is close"
+    )
     parser.add_argument("--hours", type=float, default=math.inf, help="time after which the search pauses")
     chosen = parser.parse_args(arguments)
     if chosen.bound >= 0 or chosen.workers < 1:
         parser.error("--bound must be below 0 and --workers at least 1.")
     try:
         with held(chosen.folder, "search"):
-            search = Search(chosen.folder, problem(chosen.problem), chosen.bound, chosen.workers)
+            search = Search(chosen.folder, problem(chosen.problem), chosen.bound, chosen.workers, TABLES[chosen.tables])
             search.run(3600 * chosen.hours)
             left = sum(not search.file(k).exists() for k in range(len(search.parts)))
     except ValueError as error:

@@ -58,6 +58,23 @@ class Settings:
     most: int = 200_000_000
 
 
+TABLES = {
+    "fine": Settings(),
+    "coarse": Settings(
+        width=0.08,
+        voltages=(
+            *(0.0, 0.3, 0.5, 0.6, 0.66, 0.72, 0.76, 0.8),
+            *(0.82 + 0.02 * k for k in range(9)),
+            1.0,
+        ),
+        angles=320,
+        turn=30,
+        table_levels=3,
+    ),
+}
+"""Settings by their name: fine tables take an hour and bring a bound nearer to the least cost, coarse ones minutes."""
+
+
 @dataclass(frozen=True)
 class Task:
     """What is to be proven, in µs and volts.

@@ -1,0 +1,101 @@
+"""The verification's tables are below what the rest of a waveform costs."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from inkjet_env.experiments.bounds.verification import arriving, enclosing, walking
+from inkjet_env.experiments.bounds.verification.tables import table_maker
+from tests.bounds.verified_problem import BEST, LOWER, PROBLEM, TINY, UPPER, followed, random_waveforms, simulated
+
+RUNNING = np.zeros(1, np.int64)
+
+
+@pytest.fixture(scope="module")
+def tables():
+    """Tables for ranges of the largest |extremum|, which cover all values."""
+    numbers = (PROBLEM.k, PROBLEM.law, PROBLEM.sup1, PROBLEM.sup2, float(PROBLEM.peak_V))
+    made = table_maker(*numbers, tuple(LOWER), tuple(UPPER), TINY)
+    with ThreadPoolExecutor(1) as pool:
+        for future in list(made.fill_base(RUNNING, pool)):
+            future.result()
+    ends = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 7.5, 9.0, 12.0, 25.0]
+    return {(least, most): made.for_part(least, most, RUNNING) for least, most in pairwise(ends)}
+
+
+def cell_of(grid, ends, z, b):
+    """Range of b, row and column by the definition of the cells; no row for the core."""
+    lam = complex(-PROBLEM.k[enclosing.SIGMA], PROBLEM.k[enclosing.OMEGA])
+    angle = np.angle(lam * z) % (2 * np.pi)
+    u = np.log(abs(z)) - lam.real / lam.imag * angle
+    row, col = int((grid.top - u) / grid.height), int(angle / (2 * np.pi) * grid.angles)
+    return int(np.clip(np.searchsorted(ends, b) - 1, 0, len(ends) - 2)), row, col
+
+
+def table_values(found, dwell, z, b):
+    grid = found.grid
+    which, row, col = cell_of(grid, found.ends, z, b)
+    base, base_core, own, own_core = (*found[5:7], *found[9:11]) if dwell else (*found[3:5], *found[7:9])
+    if row >= grid.rows:
+        return own_core[which, 0], *base_core[which]
+    i = (which * grid.rows + row) * grid.angles + col
+    return own[i, 0], *base[i]
+
+
+def test_tables_are_below_the_costs_to_go(tables):
+    compared = 0
+    close = []
+    for i, p in enumerate([BEST, *random_waveforms(100, 7)]):
+        if i > 50:
+            p[:2] *= 0.2
+        z, _, steps, _ = followed(p, 0.1)
+        times = np.concatenate([[0], np.cumsum(steps)])
+        response = simulated(p)[2]
+        at_us, heights = 1e6 * response.peak_times_s, abs(response.peaks_V)
+        largest = heights.max()
+        found = next(found for (least, most), found in tables.items() if least <= largest <= most)
+        for dwell, junction in ((True, p[2:5].sum()), (False, p[2:6].sum())):
+            if abs(at_us - junction).min() < 1e-6:
+                continue
+            state = z[np.argmin(abs(times - junction))]
+            rest = heights[at_us > junction]
+            to_come, passed, over = table_values(found, dwell, state, p[1])
+            assert over <= rest.sum() + 1e-9
+            assert passed <= rest.sum() + 4 * rest[0] + 1e-9
+            close.append(rest.sum() - over)
+            e = int(np.argmax(rest))
+            if rest[e] == largest:
+                compared += 1
+                assert to_come <= rest.sum() - 6 * rest[e] + 4 * rest[e + 1] + 1e-9
+    assert compared > 40
+    assert np.median(close) < 15
+
+
+def test_bounds_up_to_the_tables_are_below_the_costs_of_sampled_waveforms(tables):
+    rng = np.random.default_rng(8)
+    memory = walking.memory()
+    numbers = (PROBLEM.k, PROBLEM.law, PROBLEM.sup1, PROBLEM.sup2)
+    shown = 0
+    for i in range(40):
+        size = 10 ** rng.uniform(-3, 0.3)
+        radius = size * np.array([2, 2, 0.2, 0.2, 0.2, 0.2, 0.2]) * rng.random(7)
+        dwell = i % 2 == 0
+        radius[5 if dwell else 6 :] = 9.5
+        centre = random_waveforms(1, 200 + i)[0]
+        if i % 3 == 0:
+            centre = BEST + rng.normal(size=7) * radius
+        if i % 5 == 0:
+            centre[:2] = rng.choice([0.0, 1.0, 20.0, 79.0], 2)
+        centre = np.clip(centre, LOWER + radius, UPPER - radius)
+        found = [simulated(centre + radius * np.clip(rng.uniform(-1.4, 1.4, 7), -1, 1))[:2] for _ in range(10)]
+        for (least, most), of_part in tables.items():
+            bound = arriving.arriving_cost(
+                dwell, centre, radius, least, most, *numbers, of_part, *memory[:12], *memory[18:]
+            )
+            within = [cost for cost, largest in found if least <= largest <= most]
+            assert all(bound <= cost + 1e-6 for cost in within)
+            shown += -20 < bound < math.inf
+    assert shown > 20
