@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import os
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,24 @@ MOST_LAYERS, MOST_UNITS = 16, 4096
 
 class PolicyFileError(ValueError):
     """A file does not hold a policy, or one for other observations; the message names it."""
+
+
+@contextlib.contextmanager
+def policy_file_errors(path: str | os.PathLike[str], written_by: str) -> Iterator[None]:
+    """What goes wrong inside while a policy is read, as a `PolicyFileError` that names the file."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise PolicyFileError(f"{path}: there is no such file. Give a file that {written_by} wrote.") from None
+    except (
+        ValueError, KeyError, TypeError, AttributeError, EOFError, OSError, RecursionError, zipfile.BadZipFile,
+        NotImplementedError,
+    ) as error:  # fmt: skip
+        reason = "it holds pickled objects, which are never loaded" if "pickle" in str(error) else error
+        raise PolicyFileError(
+            f"{path}: is not a policy ({str(reason).rstrip('.') or type(error).__name__}). Give a file that "
+            f"{written_by} wrote."
+        ) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,32 +120,20 @@ class Policy:
         PolicyFileError
             The file is missing or is not such a policy; the message names it and the reason.
         """
-        try:
-            with np.load(Path(path), allow_pickle=False) as archive:
-                header = json.loads(str(archive["header"]))
-                if header.get("format") != POLICY_FORMAT:
-                    raise ValueError(f"its format is {header.get('format')!r}, not {POLICY_FORMAT!r}")
-                if header["observation"] != list(observation) or header["action"] != list(PARAMETER_NAMES):
-                    raise ValueError("it was made for other observations or actions")
-                layers = header["layers"]
-                if not 1 <= len(layers) <= MOST_LAYERS or max(max(layer) for layer in layers) > MOST_UNITS:
-                    raise ValueError(f"its layers are {layers}")
-                weights, biases = (
-                    tuple(archive[f"{part}{k}"].astype(np.float64, casting="safe") for k in range(len(layers)))
-                    for part in ("weight", "bias")
-                )
+        with policy_file_errors(path, "Policy.save"), np.load(Path(path), allow_pickle=False) as archive:
+            header = json.loads(str(archive["header"]))
+            if header.get("format") != POLICY_FORMAT:
+                raise ValueError(f"its format is {header.get('format')!r}, not {POLICY_FORMAT!r}")
+            if header["observation"] != list(observation) or header["action"] != list(PARAMETER_NAMES):
+                raise ValueError("it was made for other observations or actions")
+            layers = header["layers"]
+            if not 1 <= len(layers) <= MOST_LAYERS or max(max(layer) for layer in layers) > MOST_UNITS:
+                raise ValueError(f"its layers are {layers}")
+            weights, biases = (
+                tuple(archive[f"{part}{k}"].astype(np.float64, casting="safe") for k in range(len(layers)))
+                for part in ("weight", "bias")
+            )
             return cls(weights, biases, header["end"], header["made"], tuple(observation))
-        except FileNotFoundError:
-            raise PolicyFileError(f"{path}: there is no such file. Give a file that Policy.save wrote.") from None
-        except (
-            ValueError, KeyError, TypeError, AttributeError, EOFError, OSError, RecursionError, zipfile.BadZipFile,
-            NotImplementedError,
-        ) as error:  # fmt: skip
-            reason = "it holds pickled objects, which are never loaded" if "pickle" in str(error) else error
-            raise PolicyFileError(
-                f"{path}: is not a policy ({str(reason).rstrip('.') or type(error).__name__}). "
-                "Give a file that Policy.save wrote."
-            ) from None
 
 
 def policy_of_layers(

@@ -1,0 +1,289 @@
+"""Training of the recurrent policy on the simulator's exact gradients, over drawn heads and heads with effects.
+
+``python -m inkjet_env.experiments.learning.recurrent_training --out policy.npz --seed 0``
+
+In every try the policy scores the waveforms of its list. Some of them are evaluated on the head, which is known in
+training, so that the expected cost of the choice among them is exact, and so is its gradient in their corrections. An
+estimate of the head's parameters is learnt beside. The waveform that is fired is drawn by the scores; no gradient is
+taken through what is read of it. Batches of heads take turns: as the environment draws them, read with larger errors,
+lying further out, and with an effect beyond the base model.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from inkjet_env.envs.given_heads import GivenHeads
+from inkjet_env.envs.tune_waveform import NOISE_V, TRIES, TuneWaveformVectorEnv
+from inkjet_env.experiments.learning.few_shot_tuners import MIDDLE, PULSE, best_list
+from inkjet_env.experiments.learning.heads import TRAIN_SEED, Heads, the_task
+from inkjet_env.experiments.learning.learners import labelled
+from inkjet_env.experiments.learning.recurrent_policy import (
+    FARTHEST,
+    FEATURES,
+    PARAMETERS,
+    TERMS,
+    RecurrentPolicy,
+    features,
+)
+from inkjet_env.extras import extra
+from inkjet_env.plant import catalogue
+from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.plant.head_ensemble import HeadEnsemble
+from inkjet_env.progress import shown_progress
+from inkjet_env.typing import Real
+
+with extra("learning"):
+    import torch
+    from torch import Tensor, nn
+
+UNITS, WAVEFORMS = 128, 64
+"""Units of the network, and waveforms of its list."""
+LABELLED = 100_000
+"""Evaluations spent on the best waveforms of some heads, from which the list is chosen."""
+EVALUATIONS = 16_000_000
+"""Evaluations of a training."""
+HEADS, HEADS_WITH_EFFECTS = 256, 32
+"""Heads of a batch."""
+CANDIDATES = 6
+"""Waveforms of the list that are evaluated in a try, half of them those of the highest scores."""
+WIDER = 3.0
+"""Scale of the random part of the scores by which the other candidates are drawn."""
+PLAIN = 0.1
+"""Weight of the plain cost beside the cost that is kept: it shows the way where the waveform would not be kept."""
+JITTER = 0.02
+"""Standard deviation of what is added to the candidates, in half widths of the box: a waveform on the edge of a jump
+of the cost is not worth much."""
+STEEPEST_V = 30.0
+"""Largest component of a gradient, in volts per half width of the box."""
+RATE, FIRST_RATE = 4e-3, 1.6e-4
+LEARNING_OF_THE_ESTIMATE = 0.3
+"""Weight of the estimate's mean error beside costs in volts."""
+EFFECTS = 300
+"""Number of heads with effects."""
+
+
+def heads_with_effects(count: int, seed: int) -> tuple[HeadEnsemble, Real]:
+    """Heads with one effect each, of the catalogue in turn, and their parameters as observations, shape (count, 4)."""
+    parameters = np.random.default_rng([TRAIN_SEED, seed]).uniform(-1.0, 1.0, (count, PARAMETERS))
+    heads = []
+    for one, effect in zip(parameters, itertools.cycle(catalogue()), strict=False):
+        base = the_task().head(one)
+        heads.append(AugmentedPrinthead(base, ((effect, effect.example_values(base)),)))
+    return HeadEnsemble(tuple(heads), (1.0,) * count), parameters
+
+
+class TrainingBench:
+    """Heads on the bench, which are known: any waveform can be evaluated on them.
+
+    Parameters
+    ----------
+    count, tries : int
+        Numbers of heads and tries.
+    noise_V : float
+        Standard deviation of an error of reading, in volts.
+    spread : float
+        How much further heads lie from the middle of their ranges than the environment draws them.
+    effects : tuple of HeadEnsemble and ndarray, optional
+        The heads that are drawn instead, and their parameters; see `heads_with_effects`.
+    """
+
+    def __init__(
+        self,
+        count: int,
+        tries: int,
+        noise_V: float = NOISE_V,
+        spread: float = 1.0,
+        effects: tuple[HeadEnsemble, Real] | None = None,
+    ) -> None:
+        self.count, self.spread = count, spread
+        ensemble, self.of_effects = effects or (None, None)
+        self.envs = TuneWaveformVectorEnv(count, tries=tries, noise=noise_V, heads=ensemble)
+        self.exact = None if ensemble is None else GivenHeads(ensemble)
+
+    def reset(self, seed: int) -> Real:
+        """Other heads: the first observations, shape (count, 32)."""
+        observations, _ = self.envs.reset(seed=seed)
+        if self.spread != 1.0:
+            self.envs.tuning.put_on_the_bench(self.spread * self.envs.tuning.contexts)
+        return observations
+
+    @property
+    def parameters(self) -> Real:
+        """The heads' parameters as the environment ``context="random"`` shows them, shape (count, 4)."""
+        if self.of_effects is not None:
+            return np.asarray(self.of_effects[self.envs.tuning.numbers])
+        return self.envs.tuning.contexts.astype(np.float64)
+
+    def evaluate(self, points: Real) -> tuple[Real, Real]:
+        """Costs in volts, shape (count, k), and their gradients, shape (count, k, 7), zero for heads with effects.
+
+        Parameters
+        ----------
+        points : ndarray, shape (count, k, 7)
+            Points in ``[-1, 1]``; what is outside is clipped.
+        """
+        flat, each, tuning = points.reshape(-1, 7), points.shape[1], self.envs.tuning
+        if self.exact is None:
+            heads = Heads(np.repeat(tuning.contexts, each, axis=0))
+            costs_V, gradients = heads.evaluate_with_gradient(flat)
+        else:
+            waveforms = tuning.task.bounds.from_unit(np.clip(flat, -1.0, 1.0))
+            costs_V = self.exact.read(np.repeat(tuning.numbers, each), waveforms, ()).costs_V
+            gradients = np.zeros_like(flat)
+        return costs_V.reshape(points.shape[:2]), gradients.reshape(points.shape)
+
+
+class Network(nn.Module):
+    """The network of a `RecurrentPolicy`, in double precision.
+
+    Parameters
+    ----------
+    listed : ndarray, shape (waveforms, 7)
+        The waveforms with which it begins, for the middle head, in ``[-1, 1]``.
+    """
+
+    def __init__(self, listed: Real) -> None:
+        super().__init__()
+        self.encoder, self.gates = nn.Linear(FEATURES, UNITS), nn.GRUCell(UNITS, UNITS)
+        self.estimate, self.score = nn.Linear(UNITS, PARAMETERS), nn.Linear(UNITS, len(listed))
+        corrections = torch.zeros(len(listed), TERMS, 7)
+        corrections[:, 0] = torch.as_tensor(listed)
+        self.corrections = nn.Parameter(corrections)
+        self.double()
+        ends = the_task().bounds.from_unit(np.array([[-1.0] * 7, [1.0] * 7]))
+        self.lower, self.half = torch.as_tensor(ends[0]), torch.as_tensor((ends[1] - ends[0]) / 2)
+        self.rows, self.columns = torch.triu_indices(PARAMETERS, PARAMETERS)
+
+    def forward(self, observations: Real, state: Tensor | None) -> tuple[Tensor, Tensor, Tensor]:
+        """Estimates (n, 4), scores (n, waveforms) and the next state."""
+        state = self.gates(torch.tanh(self.encoder(torch.as_tensor(features(observations)))), state)
+        return self.estimate(state), self.score(state), state
+
+    def points(self, estimates: Tensor, chosen: Tensor) -> Tensor:
+        """Chosen waveforms, shape (n, k), for the estimated heads: shape (n, k, 7), in units of the box."""
+        inside = estimates.clamp(-FARTHEST, FARTHEST)
+        squares = inside[:, self.rows] * inside[:, self.columns]
+        polynomial = torch.cat([torch.ones_like(inside[:, :1]), inside, squares], 1)
+        points = torch.einsum("nt,nctk->nck", polynomial, self.corrections[chosen])
+        task = the_task()
+        resonances_Hz = torch.as_tensor(task.head_values(np.array([[-1.0, 0, 0, 0], [1.0, 0, 0, 0], *MIDDLE]))[:, 0])
+        here_Hz = resonances_Hz[:2].mean() + inside[:, 0] * (resonances_Hz[1] - resonances_Hz[0]) / 2
+        scale = (resonances_Hz[2] / here_Hz)[:, None, None]
+        physical = self.lower + (points + 1) * self.half
+        return torch.cat([points[..., :2], ((physical * scale - self.lower) / self.half - 1)[..., 2:]], 2)
+
+    def policy(self, made: dict[str, Any]) -> RecurrentPolicy:
+        """The policy with these weights."""
+        tensors = {
+            "encoder": self.encoder.weight,
+            "encoder_bias": self.encoder.bias,
+            "input_gates": self.gates.weight_ih,
+            "input_gates_bias": self.gates.bias_ih,
+            "state_gates": self.gates.weight_hh,
+            "state_gates_bias": self.gates.bias_hh,
+            "estimate": self.estimate.weight,
+            "estimate_bias": self.estimate.bias,
+            "score": self.score.weight,
+            "score_bias": self.score.bias,
+            "corrections": self.corrections,
+        }
+        return RecurrentPolicy({name: value.detach().numpy().copy() for name, value in tensors.items()}, made)
+
+
+def loss_of_an_episode(
+    network: Network, bench: TrainingBench, tries: int, seed: int, random: torch.Generator
+) -> tuple[Tensor, int]:
+    """Loss of tuning other heads, with its gradient, and the number of evaluations that it took."""
+    observations = bench.reset(seed)
+    parameters = torch.as_tensor(bench.parameters)
+    state, kept_V, spent = None, torch.zeros(bench.count, 1, dtype=torch.float64), 0
+    loss = torch.zeros((), dtype=torch.float64)
+    for made in range(tries):
+        estimates, scores, state = network(observations, state)
+        if made == 0:
+            actions = np.tile(PULSE, (bench.count, 1))
+        else:
+            loss = loss + LEARNING_OF_THE_ESTIMATE * (estimates - parameters).abs().sum(1).mean()
+            chosen = _candidates(scores.detach(), random)
+            points = network.points(estimates, chosen)
+            tried = points.detach() + JITTER * torch.randn(points.shape, generator=random, dtype=torch.float64)
+            costs_V, gradients = map(torch.as_tensor, bench.evaluate(tried.numpy()))
+            spent += costs_V.numel()
+            values_V = (1 - PLAIN) * torch.minimum(costs_V, kept_V) + PLAIN * costs_V
+            slopes = torch.where(costs_V < kept_V, 1.0, PLAIN)[..., None] * gradients
+            shares = torch.softmax(scores.gather(1, chosen), 1)
+            # the derivative of the expected value in the scores, and then in the candidates
+            loss = loss + (shares * (values_V - (shares.detach() * values_V).sum(1, keepdim=True))).sum(1).mean()
+            steepest = slopes.clamp(-STEEPEST_V, STEEPEST_V)
+            loss = loss + (shares.detach()[..., None] * steepest * points).sum((1, 2)).mean()
+            fired = torch.multinomial(shares.detach(), 1, generator=random)
+            actions = tried.gather(1, fired[..., None].expand(-1, -1, 7))[:, 0].clamp(-1.0, 1.0).numpy()
+        observations, _, _, _, infos = bench.envs.step(actions.astype(np.float32))
+        kept_V, spent = torch.as_tensor(infos["kept_cost"])[:, None], spent + bench.count
+    return loss / (tries - 1), spent
+
+
+def _candidates(scores: Tensor, random: torch.Generator) -> Tensor:
+    """Numbers of waveforms to evaluate, shape (n, CANDIDATES): of the highest scores, and drawn by them."""
+    best = scores.topk(CANDIDATES // 2, 1).indices
+    uniform = torch.rand(scores.shape, generator=random, dtype=torch.float64)
+    others = scores.scatter(1, best, -torch.inf) - WIDER * torch.log(-torch.log(uniform))
+    return torch.cat([best, others.topk(CANDIDATES - best.shape[1], 1).indices], 1)
+
+
+def trained_recurrent_policy(evaluations: int, tries: int, seed: int) -> RecurrentPolicy:
+    """A policy trained with a number of evaluations, beside those for its list; ``made`` has the sum of both."""
+    torch.manual_seed(seed)
+    torch.set_num_threads(1)
+    random = torch.Generator().manual_seed(seed)
+    observations, best, spent = labelled(LABELLED, seed)
+    listed, more = best_list(observations, best, min(WAVEFORMS, len(best)), stretch=True)
+    spent += more
+    usual = TrainingBench(HEADS, tries)
+    benches = (
+        usual,
+        TrainingBench(HEADS, tries, noise_V=3 * NOISE_V),
+        TrainingBench(HEADS_WITH_EFFECTS, tries, effects=heads_with_effects(EFFECTS, seed)),
+        usual,
+        TrainingBench(HEADS, tries, spread=FARTHEST),
+    )
+    network = Network(listed)
+    episodes = max(1, evaluations // (HEADS * (tries + (tries - 1) * CANDIDATES)))
+    optimiser = torch.optim.Adam(network.parameters())
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, episodes)
+    with shown_progress("recurrent policy", episodes) as progress:
+        for episode, bench in zip(range(episodes), itertools.cycle(benches), strict=False):
+            first = TRAIN_SEED + 10**9 * (1 + seed) + HEADS * episode
+            loss, more = loss_of_an_episode(network, bench, tries, first, random)
+            spent += more
+            optimiser.zero_grad()
+            loss.backward()
+            nn.utils.clip_grad_norm_(network.parameters(), 5.0)
+            optimiser.step()
+            schedule.step()
+            progress(episode + 1)
+    return network.policy({"by": "recurrent", "evaluations": spent, "tries": tries, "seed": seed})
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Train and write a policy."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--out", type=Path, required=True, help="file of the policy")
+    parser.add_argument("--evaluations", type=int, default=EVALUATIONS, help="evaluations of the training")
+    parser.add_argument("--tries", type=int, default=TRIES, help="tries on a head")
+    parser.add_argument("--seed", type=int, default=0, help="seed of all random numbers")
+    asked = parser.parse_args(arguments)
+    policy = trained_recurrent_policy(asked.evaluations, asked.tries, asked.seed)
+    policy.save(asked.out)
+    print(f"{asked.out}: a policy of {sum(map(np.size, policy.arrays.values())):,} numbers.")
+
+
+if __name__ == "__main__":
+    main()
