@@ -3,10 +3,10 @@
 ``python -m inkjet_env.experiments.learning.few_shot`` compares optimisers that spend the tries from scratch, one
 waveform for all heads, CMA-ES started from it, a fixed list of waveforms, unchanged or stretched to the ringing period
 measured after a pulse, Bayesian optimisation with a prior that is learnt from other heads, a trained agent that
-observes the peaks, and the model-based tuner ``tune``, which weighs simulated heads by the peaks it reads and fires
-the waveform that is best on them; all on the same unseen heads, and also where readings are noisier and heads lie
-further out than anybody was prepared for. The cost of learning is counted in evaluations; everything that learns is
-trained several times. A folder stores policies and results."""
+observes the peaks, a recurrent policy trained on the simulator's exact gradients, and the model-based tuner ``tune``,
+which weighs simulated heads by the peaks it reads and fires the waveform that is best on them; all on the same unseen
+heads, and also where readings are noisier and heads lie further out than most were prepared for. The cost of learning
+is counted in evaluations; everything that learns is trained several times. A folder stores policies and results."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ from inkjet_env.experiments.learning.few_shot_tuners import (
 from inkjet_env.experiments.learning.heads import TEST_SEED, Heads
 from inkjet_env.experiments.learning.learnt_prior import learnt_prior
 from inkjet_env.experiments.learning.model_based_tuner import ModelBasedTuner
+from inkjet_env.experiments.learning.recurrent_policy import RecurrentTuner
 from inkjet_env.experiments.learning.repeated_training import (
     Arrays,
     ResultTable,
@@ -54,10 +55,13 @@ MODULE = "inkjet_env.experiments.learning.few_shot"
 FORMAT = "few-tries/4"
 TITLE = "A few tries on an unknown head"
 AGENT, FOR_ALL, LISTS, PRIOR, MODEL_BASED = "sb3-ppo", "one for all", "lists", "learnt prior", "tune"
+RECURRENT = "recurrent policy"
 REFERENCE = "list, stretched"
 """Baseline of least effort with which all are compared."""
-LEARNT = (AGENT, FOR_ALL, LISTS, PRIOR)
+LEARNT = (AGENT, FOR_ALL, LISTS, PRIOR, RECURRENT)
 """Methods that learn or collect waveforms from a seed; each of the middle two gives two tuning strategies."""
+OF_A_GRADIENT = 32
+"""Evaluations of the recurrent policy's training for each of the agent's: with exact gradients it is as fast."""
 LEARNING = "evaluations to learn"
 SHOWN = (1, 3, TRIES)
 """Numbers of tries after which the tables show the regret."""
@@ -103,6 +107,11 @@ def tested(
         elif way == PRIOR:
             optimiser, spent = learnt_prior(seed)
             tuners = {PRIOR: optimiser}
+        elif way == RECURRENT:
+            from inkjet_env.experiments.learning.recurrent_training import trained_recurrent_policy
+
+            learnt = trained_recurrent_policy(OF_A_GRADIENT * evaluations, tries, seed)
+            tuners, spent = {RECURRENT: RecurrentTuner(learnt)}, int(learnt.made["evaluations"])
         elif way == MODEL_BASED:
             tuners, spent = {MODEL_BASED: ModelBasedTuner(seed)}, 0
         else:

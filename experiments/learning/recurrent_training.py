@@ -153,7 +153,7 @@ class Network(nn.Module):
         super().__init__()
         self.encoder, self.gates = nn.Linear(FEATURES, UNITS), nn.GRUCell(UNITS, UNITS)
         self.estimate, self.score = nn.Linear(UNITS, PARAMETERS), nn.Linear(UNITS, len(listed))
-        corrections = torch.zeros(len(listed), TERMS, 7)
+        corrections = torch.zeros(len(listed), TERMS, 7, dtype=torch.float64)
         corrections[:, 0] = torch.as_tensor(listed)
         self.corrections = nn.Parameter(corrections)
         self.double()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
-from inkjet_env.experiments.learning import few_shot, few_shot_tuners, repeated_training
+from inkjet_env.experiments.learning import few_shot, few_shot_tuners, recurrent_training, repeated_training
 from inkjet_env.experiments.learning.few_shot import heads_on_the_bench
 from inkjet_env.experiments.learning.few_shot_tuners import (
     MIDDLE,
@@ -118,6 +118,10 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
     monkeypatch.setattr(few_shot, "ModelBasedTuner", functools.partial(few_shot.ModelBasedTuner, budget=50))
     prior = functools.partial(few_shot.learnt_prior, sampled=50, evaluations=1500)
     monkeypatch.setattr(few_shot, "learnt_prior", prior)
+    small = {"HEADS": 4, "HEADS_WITH_EFFECTS": 2, "EFFECTS": 2, "LABELLED": 3000, "CANDIDATES": 2}
+    for name, value in small.items():
+        monkeypatch.setattr(recurrent_training, name, value)
+    monkeypatch.setattr(few_shot, "OF_A_GRADIENT", 1)
     arguments = ["--folder", str(tmp_path), "--evaluations", "2560", "--heads", "4", "--labelling", "2"]
     arguments += ["--trainings", "2", "--workers", "1"]
     few_shot.main(arguments)
@@ -134,6 +138,7 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
     assert learning["learnt prior"] >= 1500 + 9 * 50
     assert len({*next(row for row in found["rows"] if row["name"] == "list")["after"]["10"]["each"]}) == 2
     assert learning["sb3-ppo"] == 2560
+    assert learning["recurrent policy"] > 3000
     for row in found["rows"]:
         medians = [row["after"][count]["value"] for count in ("1", "3", "10")]
         nothing_V = found["nothing_V"]["as expected"]

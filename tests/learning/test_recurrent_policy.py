@@ -1,0 +1,195 @@
+"""The recurrent policy: what it reads, that it acts as it was trained, its file, and what its training follows."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
+from inkjet_env.experiments.learning import few_shot_tuners, recurrent_training
+from inkjet_env.experiments.learning.few_shot_tuners import MIDDLE, PULSE, kept_costs_V, lists
+from inkjet_env.experiments.learning.heads import stretched
+from inkjet_env.experiments.learning.policies import PolicyFileError
+from inkjet_env.experiments.learning.recurrent_policy import (
+    SHIPPED,
+    RecurrentPolicy,
+    RecurrentTuner,
+    features,
+    shapes,
+    terms,
+)
+from inkjet_env.experiments.learning.recurrent_training import (
+    Network,
+    TrainingBench,
+    heads_with_effects,
+    loss_of_an_episode,
+    trained_recurrent_policy,
+)
+from inkjet_env.storage import archive_bytes
+
+LISTED = np.random.default_rng(0).uniform(-0.8, 0.8, (5, 7))
+
+
+def a_network():
+    torch.manual_seed(0)
+    network = Network(LISTED)
+    with torch.no_grad():
+        network.corrections[:, 1:] = 0.1 * torch.randn(network.corrections[:, 1:].shape)
+    return network
+
+
+def read_observations(count=4, tries=3):
+    """Observations of an episode with random waveforms, one array for each try."""
+    envs = TuneWaveformVectorEnv(count, tries=10)
+    shown = [envs.reset(seed=3)[0]]
+    for k in range(tries):
+        shown.append(envs.step(np.random.default_rng(k).uniform(-1, 1, (count, 7)).astype(np.float32))[0])
+    return shown
+
+
+def test_a_policy_acts_as_the_network_that_was_trained():
+    network = a_network()
+    policy = network.policy({})
+    state, of_network = None, None
+    for k, observations in enumerate(read_observations()):
+        actions, state = policy.act(observations, state)
+        with torch.no_grad():
+            estimates, scores, of_network = network(observations, of_network)
+            points = network.points(estimates, scores.argmax(1, keepdim=True))[:, 0].clamp(-1, 1)
+        np.testing.assert_allclose(state, of_network, atol=1e-12)
+        np.testing.assert_allclose(actions, points if k else np.tile(PULSE, (4, 1)), atol=1e-12)
+
+
+def test_points_are_stretched_to_the_period():
+    network = a_network()
+    estimates = torch.tensor([[0.3, 0.0, 0.0, 0.0], [-1.2, 0.0, 0.0, 0.0]], dtype=torch.float64)
+    with torch.no_grad():
+        network.corrections[:, 1:] = 0
+        found = network.points(estimates, torch.tensor([[0, 2], [1, 4]])).clamp(-1, 1).numpy()
+    for row, numbers in enumerate([[0, 2], [1, 4]]):
+        wanted = stretched(LISTED[numbers], MIDDLE, np.tile(estimates[row].numpy(), (2, 1)))
+        np.testing.assert_allclose(found[row], wanted, atol=1e-12)
+
+
+def test_features_tell_free_ringing_and_have_no_peaks_where_there_are_none():
+    observations = np.zeros((2, 32))
+    observations[0, 16:24] = 0.8 * np.array([1, -0.5, 0.25, -0.125, 0, 0, 0, 0])
+    observations[0, 24:28] = np.array([12, 21, 30, 39]) / 100
+    found = features(observations)
+    assert found.shape[1] == 16 + 6 * 8 - 2
+    np.testing.assert_allclose(found[0, 40:47], [-0.1, -0.1, -0.1, 0, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(found[0, 55:62], [np.log(0.5)] * 3 + [0] * 4, atol=1e-12)
+    assert not found[1].any()
+    with pytest.raises(ValueError, match=r"observations of 8 peaks; got shape \(1, 20\)"):
+        features(np.zeros(20))
+
+
+def test_terms_are_all_of_second_degree():
+    x = np.array([[2.0, 3.0, 5.0, 7.0]])
+    assert terms(x).tolist() == [[1, 2, 3, 5, 7, 4, 6, 10, 14, 9, 15, 21, 25, 35, 49]]
+
+
+def test_the_loss_has_the_gradient_of_the_expected_cost(monkeypatch):
+    monkeypatch.setattr(recurrent_training, "JITTER", 0.0)
+    monkeypatch.setattr(recurrent_training, "CANDIDATES", 5)
+    monkeypatch.setattr(recurrent_training, "LEARNING_OF_THE_ESTIMATE", 0.0)
+    monkeypatch.setattr(recurrent_training, "PLAIN", 1.0)
+    monkeypatch.setattr(recurrent_training, "STEEPEST_V", 1e9)
+    network, bench = a_network(), TrainingBench(6, 2, noise_V=0.0)
+    loss, spent = loss_of_an_episode(network, bench, 2, 1, torch.Generator().manual_seed(0))
+    loss.backward()
+    assert spent == 6 * (2 + 5)
+
+    def expected():
+        """Mean over the heads of the expected cost of the second waveform: the first is always the pulse."""
+        observations = bench.reset(1)
+        state = network(observations, None)[2]
+        observations = bench.envs.step(np.tile(PULSE, (6, 1)).astype(np.float32))[0]
+        with torch.no_grad():
+            estimates, scores, _ = network(observations, state)
+            points = network.points(estimates, torch.arange(5).expand(6, 5))
+            return float((torch.softmax(scores, 1).numpy() * bench.evaluate(points.numpy())[0]).sum(1).mean())
+
+    for parameter, at in ((network.score.bias, (2,)), (network.corrections, (3, 0, 1)), (network.estimate.bias, (0,))):
+        ends = []
+        for step in (1e-6, -1e-6):
+            with torch.no_grad():
+                parameter[at] += step
+            ends.append(expected())
+            with torch.no_grad():
+                parameter[at] -= step
+        assert float(parameter.grad[at]) == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-3, abs=1e-6)
+
+
+def test_heads_with_effects_cost_what_the_environment_says():
+    effects = heads_with_effects(4, 0)
+    assert len({one.effects[0][0].id for one in effects[0].heads}) == 4
+    bench = TrainingBench(8, 2, effects=effects)
+    bench.reset(5)
+    points = np.random.default_rng(1).uniform(-1, 1, (8, 2, 7)).astype(np.float32)
+    *_, infos = bench.envs.step(points[:, 1])
+    costs_V, gradients = bench.evaluate(points.astype(float))
+    np.testing.assert_allclose(costs_V[:, 1], infos["cost"], rtol=1e-9)
+    assert bench.parameters.shape == (8, 4)
+    assert not gradients.any()
+
+
+def test_training_repeats_itself_and_is_counted(monkeypatch, tmp_path, capsys):
+    small = {"HEADS": 4, "HEADS_WITH_EFFECTS": 2, "EFFECTS": 2, "LABELLED": 4000, "CANDIDATES": 2}
+    for name, value in small.items():
+        monkeypatch.setattr(recurrent_training, name, value)
+    asked = ["--evaluations", "600", "--tries", "3", "--seed", "4"]
+    recurrent_training.main(["--out", str(tmp_path / "a.npz"), *asked])
+    assert "a policy of" in capsys.readouterr().out
+    found, again = RecurrentPolicy.load(tmp_path / "a.npz"), trained_recurrent_policy(600, 3, 4)
+    assert found.made == again.made
+    assert found.made["evaluations"] > 4600
+    for name, value in again.arrays.items():
+        assert (found.arrays[name] == value.astype(np.float32)).all()
+
+
+def test_the_policy_of_the_package_is_better_on_new_heads_than_a_stretched_list(monkeypatch):
+    monkeypatch.setattr(few_shot_tuners, "LISTED", 30_000)
+    assert SHIPPED.stat().st_size < 2e6
+    listed = lists(10, 0)[0]["list, stretched"]
+    kept_V = {name: kept_costs_V(one, 60, 10, 99) for name, one in (("own", RecurrentTuner()), ("list", listed))}
+    gains_V = kept_V["list"] - kept_V["own"]
+    assert np.median(gains_V[:, 2]) > 0.4
+    assert gains_V[:, 2].mean() > 0.4
+    assert gains_V[:, 9].mean() > 0
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"header": np.array("{}")}, "its format is None"),
+        ({"score": np.zeros((8, 127))}, "must have the shapes"),
+        ({"estimate_bias": np.full(4, np.nan)}, "must be finite"),
+        ({"encoder": np.array([{}], dtype=object)}, "pickled objects, which are never loaded"),
+        ({"score_bias": None}, "'score_bias"),
+    ],
+)
+def test_what_is_no_policy_is_refused(tmp_path, change, said):
+    with np.load(SHIPPED) as archive:
+        arrays = {name: archive[name] for name in archive.files} | change
+    assert set(arrays) == {*shapes(1, 1), "header"}
+    if change.get("encoder") is not None:
+        np.savez(tmp_path / "p.npz", **arrays)
+    else:
+        kept = {name: value for name, value in arrays.items() if value is not None}
+        (tmp_path / "p.npz").write_bytes(archive_bytes(kept))
+    with pytest.raises(PolicyFileError, match=r"p\.npz: is not a policy.*RecurrentPolicy\.save wrote") as refused:
+        RecurrentPolicy.load(tmp_path / "p.npz")
+    assert said in str(refused.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(PolicyFileError, match="there is no such file"):
+        RecurrentPolicy.load(tmp_path / "none.npz")
+
+
+def test_its_header_says_how_it_was_made():
+    made = RecurrentPolicy.load().made
+    assert json.loads(json.dumps(dict(made))) == made
+    assert made["by"] == "recurrent"
