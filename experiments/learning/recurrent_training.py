@@ -58,8 +58,9 @@ WIDER = 3.0
 PLAIN = 0.1
 """Weight of the plain cost beside the cost that is kept: it shows the way where the waveform would not be kept."""
 JITTER = 0.02
-"""Standard deviation of what is added to the candidates, in half widths of the box: a waveform on the edge of a jump
-of the cost is not worth much."""
+"""Standard deviation of what is added to the candidates of the second try, in half widths of the box: a waveform on the
+edge of a jump of the cost is not worth much. In the k-th try it is the (k − 1)-th part: once a good waveform is kept,
+the edge may be tried."""
 STEEPEST_V = 30.0
 """Largest component of a gradient, in volts per half width of the box."""
 RATE, FIRST_RATE = 4e-3, 1.6e-4
@@ -213,7 +214,7 @@ def loss_of_an_episode(
             loss = loss + LEARNING_OF_THE_ESTIMATE * (estimates - parameters).abs().sum(1).mean()
             chosen = _candidates(scores.detach(), random)
             points = network.points(estimates, chosen)
-            tried = points.detach() + JITTER * torch.randn(points.shape, generator=random, dtype=torch.float64)
+            tried = points.detach() + JITTER / made * torch.randn(points.shape, generator=random, dtype=torch.float64)
             costs_V, gradients = map(torch.as_tensor, bench.evaluate(tried.numpy()))
             spent += costs_V.numel()
             values_V = (1 - PLAIN) * torch.minimum(costs_V, kept_V) + PLAIN * costs_V
