@@ -36,6 +36,7 @@ from inkjet_env.extras import extra
 from inkjet_env.plant import catalogue
 from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.head_ensemble import HeadEnsemble
+from inkjet_env.printhead import Printhead
 from inkjet_env.progress import shown_progress
 from inkjet_env.typing import Real
 
@@ -76,6 +77,7 @@ def heads_with_effects(count: int, seed: int) -> tuple[HeadEnsemble, Real]:
     heads = []
     for one, effect in zip(parameters, itertools.cycle(catalogue()), strict=False):
         base = the_task().head(one)
+        assert isinstance(base, Printhead)
         heads.append(AugmentedPrinthead(base, ((effect, effect.example_values(base)),)))
     return HeadEnsemble(tuple(heads), (1.0,) * count), parameters
 
@@ -104,16 +106,17 @@ class TrainingBench:
         effects: tuple[HeadEnsemble, Real] | None = None,
     ) -> None:
         self.count, self.spread = count, spread
-        ensemble, self.of_effects = effects or (None, None)
+        ensemble = None if effects is None else effects[0]
+        self.of_effects = None if effects is None else effects[1]
         self.envs = TuneWaveformVectorEnv(count, tries=tries, noise=noise_V, heads=ensemble)
         self.exact = None if ensemble is None else GivenHeads(ensemble)
 
     def reset(self, seed: int) -> Real:
         """Other heads: the first observations, shape (count, 32)."""
-        observations, _ = self.envs.reset(seed=seed)
+        shown = self.envs.reset(seed=seed)[0].astype(np.float64)
         if self.spread != 1.0:
             self.envs.tuning.put_on_the_bench(self.spread * self.envs.tuning.contexts)
-        return observations
+        return shown
 
     @property
     def parameters(self) -> Real:
@@ -159,7 +162,7 @@ class Network(nn.Module):
         self.corrections = nn.Parameter(corrections)
         self.double()
         ends = the_task().bounds.from_unit(np.array([[-1.0] * 7, [1.0] * 7]))
-        self.lower, self.half = torch.as_tensor(ends[0]), torch.as_tensor((ends[1] - ends[0]) / 2)
+        self.lower, self.half_width = torch.as_tensor(ends[0]), torch.as_tensor((ends[1] - ends[0]) / 2)
         self.rows, self.columns = torch.triu_indices(PARAMETERS, PARAMETERS)
 
     def forward(self, observations: Real, state: Tensor | None) -> tuple[Tensor, Tensor, Tensor]:
@@ -177,8 +180,8 @@ class Network(nn.Module):
         resonances_Hz = torch.as_tensor(task.head_values(np.array([[-1.0, 0, 0, 0], [1.0, 0, 0, 0], *MIDDLE]))[:, 0])
         here_Hz = resonances_Hz[:2].mean() + inside[:, 0] * (resonances_Hz[1] - resonances_Hz[0]) / 2
         scale = (resonances_Hz[2] / here_Hz)[:, None, None]
-        physical = self.lower + (points + 1) * self.half
-        return torch.cat([points[..., :2], ((physical * scale - self.lower) / self.half - 1)[..., 2:]], 2)
+        physical = self.lower + (points + 1) * self.half_width
+        return torch.cat([points[..., :2], ((physical * scale - self.lower) / self.half_width - 1)[..., 2:]], 2)
 
     def policy(self, made: dict[str, Any]) -> RecurrentPolicy:
         """The policy with these weights."""
@@ -226,7 +229,8 @@ def loss_of_an_episode(
             loss = loss + (shares.detach()[..., None] * steepest * points).sum((1, 2)).mean()
             fired = torch.multinomial(shares.detach(), 1, generator=random)
             actions = tried.gather(1, fired[..., None].expand(-1, -1, 7))[:, 0].clamp(-1.0, 1.0).numpy()
-        observations, _, _, _, infos = bench.envs.step(actions.astype(np.float32))
+        shown, _, _, _, infos = bench.envs.step(actions.astype(np.float32))
+        observations = shown.astype(np.float64)
         kept_V, spent = torch.as_tensor(infos["kept_cost"])[:, None], spent + bench.count
     return loss / (tries - 1), spent
 
