@@ -18,25 +18,24 @@ from typing import Any
 
 import numpy as np
 
-from inkjet_env.envs.tune_waveform import NOISE_V, TRIES, TuneWaveformVectorEnv
+from inkjet_env.envs.tune_waveform import TRIES, TuneWaveformVectorEnv
+from inkjet_env.experiments.learning.benches import AS_EXPECTED, BENCHES
 from inkjet_env.experiments.learning.few_shot_tuners import (
     SCRATCH,
     Agent,
     TuningStrategy,
     for_all,
-    kept_costs_V,
     lists,
     scratch,
     trained_agent,
 )
-from inkjet_env.experiments.learning.heads import TEST_SEED, Heads
+from inkjet_env.experiments.learning.heads import TEST_SEED
 from inkjet_env.experiments.learning.learnt_prior import learnt_prior
 from inkjet_env.experiments.learning.model_based_tuner import ModelBasedTuner
 from inkjet_env.experiments.learning.recurrent_policy import RecurrentTuner
 from inkjet_env.experiments.learning.repeated_training import (
     Arrays,
     ResultTable,
-    best_costs_V,
     each,
     kept_arrays,
     kept_policy,
@@ -65,21 +64,6 @@ OF_A_GRADIENT = 32
 LEARNING = "evaluations to learn"
 SHOWN = (1, 3, TRIES)
 """Numbers of tries after which the tables show the regret."""
-AS_EXPECTED = "as expected"
-BENCHES: dict[str, tuple[float, float]] = {
-    AS_EXPECTED: (1.0, 1.0),
-    "noise × 3": (1.0, 3.0),
-    "heads beyond": (1.5, 1.0),
-}
-"""Where everybody is tested, without being told: how far the heads lie from the middle of their ranges, and the errors
-of reading, both as multiples of what the environment draws."""
-
-
-def heads_on_the_bench(heads: int, seed: int, spread: float = 1.0) -> Heads:
-    """The heads that the environment draws with that seed, so many times as far from the middle of their ranges."""
-    envs = TuneWaveformVectorEnv(heads)
-    envs.reset(seed=seed)
-    return Heads((spread * envs.tuning.contexts).astype(np.float32))
 
 
 def tested(
@@ -117,10 +101,8 @@ def tested(
         else:
             tuners, spent = scratch(way, heads, tries, seed), 0
         kept = {
-            _entry(bench, name): kept_costs_V(
-                copy.deepcopy(tuner), heads, tries, test_seed, spread, noise=times * NOISE_V
-            )
-            for bench, (spread, times) in BENCHES.items()
+            _entry(bench, name): where.kept_costs_V(copy.deepcopy(tuner), heads, tries, test_seed)
+            for bench, where in BENCHES.items()
             for name, tuner in tuners.items()
         }
         return {**kept, LEARNING: np.array(spent)}
@@ -178,10 +160,9 @@ def study(
         name: {"name": name, "learning": learning[name], "trainings": trained[name]} for name in learning
     }
     nothing_V = {}
-    for bench, (spread, _) in BENCHES.items():
-        known = folder if spread == 1.0 else folder / bench.replace(" ", "-")
-        known.mkdir(exist_ok=True)
-        best_V = best_costs_V(known, heads_on_the_bench(heads, test_seed, spread), labelling, seed)
+    for bench, where in BENCHES.items():
+        known = folder / bench.replace(" ", "-")
+        best_V = where.best_costs_V(known, heads, labelling, seed, test_seed)
         mine_V = {name: kept_V[_entry(bench, name)] for name in rows}
         least_V = np.min([best_V, *(kept.min(axis=(0, 2)) for kept in mine_V.values())], axis=0)
         nothing_V[bench] = float(np.median(-least_V))

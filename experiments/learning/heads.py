@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -10,12 +11,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from inkjet_env.envs.task import WaveformTask, make_task
+from inkjet_env.plant import catalogue
+from inkjet_env.plant.augmented import AugmentedPrinthead
+from inkjet_env.plant.head_ensemble import HeadEnsemble
+from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
 TEST_SEED, TRAIN_SEED = 10**12, 10_000
 """First seeds of the test heads and of the training heads; they are far apart, so that the two never share a head."""
 POINTS_A_START = 100
 """Number of uniform points per descent; the descents start from the best of them all."""
+
+
+PARAMETERS = 4
+"""Number of parameters of a head."""
 
 
 @functools.cache
@@ -27,6 +36,17 @@ def the_task() -> WaveformTask:
 def drawn(count: int, seed: int) -> NDArray[np.float32]:
     """Observations of heads, shape (count, 4), drawn as the environments do, each from the seed and its number."""
     return the_task().contexts([np.random.default_rng([seed, k]) for k in range(count)])
+
+
+def heads_with_effects(count: int, seed: int) -> tuple[HeadEnsemble, Real]:
+    """Heads with one effect each, of the catalogue in turn, and their parameters as observations, shape (count, 4)."""
+    parameters = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, PARAMETERS))
+    heads = []
+    for one, effect in zip(parameters, itertools.cycle(catalogue()), strict=False):
+        base = the_task().head(one)
+        assert isinstance(base, Printhead)
+        heads.append(AugmentedPrinthead(base, ((effect, effect.example_values(base)),)))
+    return HeadEnsemble(tuple(heads), (1.0,) * count), parameters
 
 
 def stretched(points: Real, made_for: ArrayLike, observations: ArrayLike) -> Real:

@@ -19,11 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import expit
 
-from inkjet_env.envs.task import CONTEXT_NAMES
 from inkjet_env.envs.tune_waveform import PEAKS
 from inkjet_env.envs.waveform_tuning_task import PEAK_SCALE_V, TIME_SCALE_S
 from inkjet_env.experiments.learning.few_shot_tuners import MIDDLE, PULSE
-from inkjet_env.experiments.learning.heads import stretched
+from inkjet_env.experiments.learning.heads import PARAMETERS, stretched
 from inkjet_env.experiments.learning.policies import policy_file_errors
 from inkjet_env.printhead.waveform import PARAMETER_NAMES
 from inkjet_env.storage import archive_bytes, write_atomically
@@ -35,7 +34,6 @@ SHIPPED = Path(__file__).with_name("recurrent_policy.npz")
 READ = 2 + 2 * len(PARAMETER_NAMES)
 """Numbers of an observation before its peaks."""
 FEATURES = READ + 6 * PEAKS - 2
-PARAMETERS = len(CONTEXT_NAMES)
 TERMS = 1 + PARAMETERS + PARAMETERS * (PARAMETERS + 1) // 2
 """Number of terms of a quadratic polynomial of the estimate."""
 FARTHEST = 1.5

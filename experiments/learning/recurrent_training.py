@@ -22,21 +22,17 @@ import numpy as np
 from inkjet_env.envs.given_heads import GivenHeads
 from inkjet_env.envs.tune_waveform import NOISE_V, TRIES, TuneWaveformVectorEnv
 from inkjet_env.experiments.learning.few_shot_tuners import MIDDLE, PULSE, best_list
-from inkjet_env.experiments.learning.heads import TRAIN_SEED, Heads, the_task
+from inkjet_env.experiments.learning.heads import PARAMETERS, TRAIN_SEED, Heads, heads_with_effects, the_task
 from inkjet_env.experiments.learning.learners import labelled
 from inkjet_env.experiments.learning.recurrent_policy import (
     FARTHEST,
     FEATURES,
-    PARAMETERS,
     TERMS,
     RecurrentPolicy,
     features,
 )
 from inkjet_env.extras import extra
-from inkjet_env.plant import catalogue
-from inkjet_env.plant.augmented import AugmentedPrinthead
 from inkjet_env.plant.head_ensemble import HeadEnsemble
-from inkjet_env.printhead import Printhead
 from inkjet_env.progress import shown_progress
 from inkjet_env.typing import Real
 
@@ -69,17 +65,6 @@ LEARNING_OF_THE_ESTIMATE = 0.3
 """Weight of the estimate's mean error beside costs in volts."""
 EFFECTS = 300
 """Number of heads with effects."""
-
-
-def heads_with_effects(count: int, seed: int) -> tuple[HeadEnsemble, Real]:
-    """Heads with one effect each, of the catalogue in turn, and their parameters as observations, shape (count, 4)."""
-    parameters = np.random.default_rng([TRAIN_SEED, seed]).uniform(-1.0, 1.0, (count, PARAMETERS))
-    heads = []
-    for one, effect in zip(parameters, itertools.cycle(catalogue()), strict=False):
-        base = the_task().head(one)
-        assert isinstance(base, Printhead)
-        heads.append(AugmentedPrinthead(base, ((effect, effect.example_values(base)),)))
-    return HeadEnsemble(tuple(heads), (1.0,) * count), parameters
 
 
 class TrainingBench:
@@ -255,7 +240,7 @@ def trained_recurrent_policy(evaluations: int, tries: int, seed: int) -> Recurre
     benches = (
         usual,
         TrainingBench(HEADS, tries, noise_V=3 * NOISE_V),
-        TrainingBench(HEADS_WITH_EFFECTS, tries, effects=heads_with_effects(EFFECTS, seed)),
+        TrainingBench(HEADS_WITH_EFFECTS, tries, effects=heads_with_effects(EFFECTS, TRAIN_SEED + seed)),
         usual,
         TrainingBench(HEADS, tries, spread=FARTHEST),
     )

@@ -48,7 +48,7 @@ SOURCES = (
     "optimizers/**/*.py",
     *(f"experiments/learning/{name}.py" for name in ("heads", "learners", "policies", "few_shot_tuners")),
     *(f"experiments/learning/{name}.py" for name in ("model_based_tuner", "possible_heads", "learnt_prior")),
-    *(f"experiments/learning/{name}.py" for name in ("recurrent_policy", "recurrent_training")),
+    *(f"experiments/learning/{name}.py" for name in ("recurrent_policy", "recurrent_training", "benches")),
     "experiments/tuning/proposals.py",
 )
 """Files that determine the numbers of a study."""

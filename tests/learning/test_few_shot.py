@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
-from inkjet_env.experiments.learning import few_shot, few_shot_tuners, recurrent_training, repeated_training
-from inkjet_env.experiments.learning.few_shot import heads_on_the_bench
+from inkjet_env.experiments.learning import benches, few_shot, few_shot_tuners, recurrent_training, repeated_training
+from inkjet_env.experiments.learning.benches import heads_on_the_bench
 from inkjet_env.experiments.learning.few_shot_tuners import (
     MIDDLE,
     PULSE,
@@ -121,13 +121,15 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
     small = {"HEADS": 4, "HEADS_WITH_EFFECTS": 2, "EFFECTS": 2, "LABELLED": 3000, "CANDIDATES": 2}
     for name, value in small.items():
         monkeypatch.setattr(recurrent_training, name, value)
+    monkeypatch.setattr(benches, "EFFECTS", 3)
+    monkeypatch.setattr(benches, "BUDGET", 60)
     monkeypatch.setattr(few_shot, "OF_A_GRADIENT", 1)
     arguments = ["--folder", str(tmp_path), "--evaluations", "2560", "--heads", "4", "--labelling", "2"]
     arguments += ["--trainings", "2", "--workers", "1"]
     few_shot.main(arguments)
     text = (tmp_path / "few_tries.json").read_bytes()
     monkeypatch.setattr(few_shot, "trained_agent", lambda *_: pytest.fail("trained again"))
-    monkeypatch.setattr(few_shot, "kept_costs_V", lambda *_: pytest.fail("tried again"))
+    monkeypatch.setattr(benches, "kept_costs_V", lambda *_: pytest.fail("tried again"))
     few_shot.main(arguments)
     assert (tmp_path / "few_tries.json").read_bytes() == text
     found = json.loads(text)
@@ -143,7 +145,7 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
         medians = [row["after"][count]["value"] for count in ("1", "3", "10")]
         nothing_V = found["nothing_V"]["as expected"]
         assert 0 <= min(medians) <= max(medians) < nothing_V + 0.5  # as far as errors of reading mislead
-        assert set(row["elsewhere"]) == {"noise × 3", "heads beyond"}
+        assert set(row["elsewhere"]) == {"noise × 3", "heads beyond", "effects"}
         assert row["after"] != row["elsewhere"]["heads beyond"]["after"]
         assert (
             len(row["after"]["10"]["each"])

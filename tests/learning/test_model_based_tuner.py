@@ -7,7 +7,7 @@ from inkjet_env.envs.given_heads import GivenHeads
 from inkjet_env.envs.task import Readings, make_task
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
 from inkjet_env.experiments.learning import possible_heads
-from inkjet_env.experiments.learning.few_shot import heads_on_the_bench
+from inkjet_env.experiments.learning.benches import heads_on_the_bench
 from inkjet_env.experiments.learning.few_shot_tuners import kept_costs_V
 from inkjet_env.experiments.learning.heads import descended
 from inkjet_env.experiments.learning.model_based_tuner import PLAIN, ExpectedKept, ModelBasedTuner

@@ -9,7 +9,7 @@ import torch
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
 from inkjet_env.experiments.learning import few_shot_tuners, recurrent_training
 from inkjet_env.experiments.learning.few_shot_tuners import MIDDLE, PULSE, kept_costs_V, lists
-from inkjet_env.experiments.learning.heads import stretched
+from inkjet_env.experiments.learning.heads import heads_with_effects, stretched
 from inkjet_env.experiments.learning.policies import PolicyFileError
 from inkjet_env.experiments.learning.recurrent_policy import (
     SHIPPED,
@@ -22,7 +22,6 @@ from inkjet_env.experiments.learning.recurrent_policy import (
 from inkjet_env.experiments.learning.recurrent_training import (
     Network,
     TrainingBench,
-    heads_with_effects,
     loss_of_an_episode,
     trained_recurrent_policy,
 )

@@ -9,7 +9,8 @@ import pytest
 from inkjet_env.envs.tune_waveform import TuneWaveformVectorEnv
 from inkjet_env.envs.vector import BipolarWaveformVectorEnv
 from inkjet_env.experiments.execution.jobs import ClusterError
-from inkjet_env.experiments.learning import few_shot, repeated_training
+from inkjet_env.experiments.learning import repeated_training
+from inkjet_env.experiments.learning.benches import heads_on_the_bench
 from inkjet_env.experiments.learning.heads import TEST_SEED, TRAIN_SEED, drawn
 from inkjet_env.experiments.learning.repeated_training import KeptFileError, each, kept_arrays, kept_policy, over, seeds
 from tests.learning.test_policies import a_policy
@@ -29,7 +30,7 @@ def test_trainings_learn_from_different_heads_and_none_is_tested_on():
         bench = TuneWaveformVectorEnv(64)
         bench.reset(seed=seed)
         learnt.append(bench.tuning.contexts)
-    tested = [drawn(100, TEST_SEED), few_shot.heads_on_the_bench(200, TEST_SEED).observations]
+    tested = [drawn(100, TEST_SEED), heads_on_the_bench(200, TEST_SEED).observations]
     heads = [tuple(row) for some in learnt for row in np.asarray(some, dtype=np.float32)]
     of_tests = {tuple(row) for some in tested for row in some}
     assert not of_tests & set(heads)
