@@ -204,7 +204,10 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--folder", type=Path, required=True, help="folder of the certificate")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="number of threads; one per core")
     parser.add_argument(
-        "--tables", choices=TABLES, default="coarse", help="fine ones take an hour, and pay where the bound is close"
+        "--tables",
+        choices=TABLES,
+        default="coarse",
+        help="fine ones take longer, and pay where the bound is close to the least cost",
     )
     parser.add_argument("--hours", type=float, default=math.inf, help="time after which the search pauses")
     chosen = parser.parse_args(arguments)

@@ -72,7 +72,7 @@ TABLES = {
         table_levels=3,
     ),
 }
-"""Settings by their name: fine tables take an hour and bring a bound nearer to the least cost, coarse ones minutes."""
+"""Settings by their name: fine tables take several times as long and let a bound come nearer to the least cost."""
 
 
 @dataclass(frozen=True)

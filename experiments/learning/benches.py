@@ -67,7 +67,7 @@ class Bench:
                     progress(done)
             return {"best_V": best_V}
 
-        asked = {"searches": SEARCHES, "budget": BUDGET, "seed": seed, "heads": count, "on": test_seed}
+        asked = {"searches": SEARCHES, "budget": BUDGET, "seed": seed, "heads": count, "of": EFFECTS, "on": test_seed}
         return kept_arrays(folder / "best-known.npz", asked, make)["best_V"][envs.tuning.numbers]
 
 

@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 
 from inkjet_env.envs.given_heads import GivenHeads
+from inkjet_env.envs.task import CONTEXT_LOWER, CONTEXT_UPPER
 from inkjet_env.envs.tune_waveform import NOISE_V, TRIES, TuneWaveformVectorEnv
-from inkjet_env.experiments.learning.few_shot_tuners import MIDDLE, PULSE, best_list
+from inkjet_env.experiments.learning.few_shot_tuners import PULSE, best_list
 from inkjet_env.experiments.learning.heads import PARAMETERS, TRAIN_SEED, Heads, heads_with_effects, the_task
 from inkjet_env.experiments.learning.learners import labelled
 from inkjet_env.experiments.learning.recurrent_policy import (
@@ -60,11 +61,14 @@ edge of a jump of the cost is not worth much. In the k-th try it is the (k − 1
 the edge may be tried."""
 STEEPEST_V = 30.0
 """Largest component of a gradient, in volts per half width of the box."""
-RATE, FIRST_RATE = 4e-3, 1.6e-4
+RATE = 4e-3
+"""Largest rate of learning, after a third of the episodes."""
 LEARNING_OF_THE_ESTIMATE = 0.3
 """Weight of the estimate's mean error beside costs in volts."""
 EFFECTS = 300
 """Number of heads with effects."""
+SEEDS = 10**7
+"""Seeds of the heads of a training, which no other training and no test draws."""
 
 
 class TrainingBench:
@@ -148,6 +152,7 @@ class Network(nn.Module):
         self.double()
         ends = the_task().bounds.from_unit(np.array([[-1.0] * 7, [1.0] * 7]))
         self.lower, self.half_width = torch.as_tensor(ends[0]), torch.as_tensor((ends[1] - ends[0]) / 2)
+        self.resonances_Hz = CONTEXT_LOWER[0], CONTEXT_UPPER[0]
         self.rows, self.columns = torch.triu_indices(PARAMETERS, PARAMETERS)
 
     def forward(self, observations: Real, state: Tensor | None) -> tuple[Tensor, Tensor, Tensor]:
@@ -161,10 +166,9 @@ class Network(nn.Module):
         squares = inside[:, self.rows] * inside[:, self.columns]
         polynomial = torch.cat([torch.ones_like(inside[:, :1]), inside, squares], 1)
         points = torch.einsum("nt,nctk->nck", polynomial, self.corrections[chosen])
-        task = the_task()
-        resonances_Hz = torch.as_tensor(task.head_values(np.array([[-1.0, 0, 0, 0], [1.0, 0, 0, 0], *MIDDLE]))[:, 0])
-        here_Hz = resonances_Hz[:2].mean() + inside[:, 0] * (resonances_Hz[1] - resonances_Hz[0]) / 2
-        scale = (resonances_Hz[2] / here_Hz)[:, None, None]
+        low_Hz, high_Hz = self.resonances_Hz
+        middle_Hz = (low_Hz + high_Hz) / 2  # of the head for which the list is made
+        scale = (middle_Hz / (middle_Hz + inside[:, 0] * (high_Hz - low_Hz) / 2))[:, None, None]
         physical = self.lower + (points + 1) * self.half_width
         return torch.cat([points[..., :2], ((physical * scale - self.lower) / self.half_width - 1)[..., 2:]], 2)
 
@@ -250,7 +254,7 @@ def trained_recurrent_policy(evaluations: int, tries: int, seed: int) -> Recurre
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, episodes)
     with shown_progress("recurrent policy", episodes) as progress:
         for episode, bench in zip(range(episodes), itertools.cycle(benches), strict=False):
-            first = TRAIN_SEED + 10**9 * (1 + seed) + HEADS * episode
+            first = TRAIN_SEED + SEEDS * (1 + seed) + HEADS * episode
             loss, more = loss_of_an_episode(network, bench, tries, first, random)
             spent += more
             optimiser.zero_grad()
@@ -270,6 +274,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--tries", type=int, default=TRIES, help="tries on a head")
     parser.add_argument("--seed", type=int, default=0, help="seed of all random numbers")
     asked = parser.parse_args(arguments)
+    if asked.evaluations < 1 or asked.tries < 2 or asked.seed < 0:
+        parser.error("--evaluations must be at least 1, --tries at least 2, and --seed at least 0.")
     policy = trained_recurrent_policy(asked.evaluations, asked.tries, asked.seed)
     policy.save(asked.out)
     print(f"{asked.out}: a policy of {sum(map(np.size, policy.arrays.values())):,} numbers.")
