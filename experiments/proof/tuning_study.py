@@ -96,18 +96,12 @@ def head_row(result: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _said(result: dict[str, Any]) -> str:
-    """The verdict, with the effects that it names if they are not the concealed ones."""
-    others = result["effects"] if result["effects"] != result["draw"]["effects"] else []
-    return " ".join((result["verdict"], *others))
-
-
 def table(results: Sequence[dict[str, Any]]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Headings and rows: a row for each head."""
     header = ("concealed", "verdict", "recordings", "minutes", "base (V)", "tuned (V)", "oracle (V)")
     return header, [
         (
-            result["draw"]["effects"][0], _said(result), str(result["recordings"]),
+            result["draw"]["effects"][0], " ".join((result["verdict"], *result["effects"])), str(result["recordings"]),
             f"{result['seconds'] / 60:.1f}", f"{row['base']:.2f}", f"{row['loop']:.2f}", f"{row['oracle']:.2f}",
         )
         for result, row in ((result, head_row(result)) for result in results)
