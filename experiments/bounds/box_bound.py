@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from inkjet_env.experiments.bounds.table_cells import gradient_of, look_up, tilted
+from inkjet_env.experiments.bounds.table_cells import DONE, JUST, LATER, gradient_of, look_up, tilted
 from inkjet_env.experiments.bounds.trajectory import (
     BEND,
     BEND_BEFORE,
@@ -39,6 +39,8 @@ ROUNDING = 1e-9
 """Columns of a window: its nodes; that of least slope; how far the response of any waveform in the window is from that
 at this node, in volts; sign of the slope before, 0 if unknown; whether there is an extremum for certain; one only."""
 WINDOW_COLUMNS = 7
+WHOLE, NONE = np.int64(5), np.int64(-1)
+"""All segments of a waveform, and no window."""
 PASSES = 4
 """Passes of the search for the best multipliers."""
 
@@ -74,7 +76,7 @@ def prefix_bound(
     last = follow(head, segments, low, high, steps[0], steps[1], nodes, end, reach)
     if last < 0:
         return NOTHING
-    count = 0
+    count = np.int64(0)
     for k in range(low_b.size):
         if low_b[k] <= high[1] and high_b[k] >= low[1]:
             some = (levels[0][k], levels[1][k], levels[2][k], levels[3][k], levels[4][k], levels[5][k])
@@ -108,15 +110,15 @@ def _prefix_bound(weights, limits, target, slope, radius, last, count, nodes, en
     windowed = _find_windows(nodes, last, slope, radius, windows)
     if windowed < 0:
         return plain
-    tilt = 0j if later >= NEVER else gradient_of(cells, count, 0, slope, end[0])
+    tilt = 0j if later >= NEVER else gradient_of(cells, count, LATER, slope, end[0])
     found = NEVER
     if later < NEVER:
-        tail = (tilted(cells, count, 0, slope, end[0], tilt), tilt)
-        found = _together(weights, tail, 0.0, limits[1], -1, -1, windowed, windows, nodes, end, reach[1], radius)
-    tilt = 0j if just >= NEVER else gradient_of(cells, count, 1, slope, end[0])
-    tail_just = (tilted(cells, count, 1, slope, end[0], tilt), tilt)
-    tilt = 0j if done >= NEVER else gradient_of(cells, count, 2, slope, end[0])
-    tail_done = (tilted(cells, count, 2, slope, end[0], tilt), tilt)
+        tail = (tilted(cells, count, LATER, slope, end[0], tilt), tilt)
+        found = _together(weights, tail, 0.0, limits[1], NONE, NONE, windowed, windows, nodes, end, reach[1], radius)
+    tilt = 0j if just >= NEVER else gradient_of(cells, count, JUST, slope, end[0])
+    tail_just = (tilted(cells, count, JUST, slope, end[0], tilt), tilt)
+    tilt = 0j if done >= NEVER else gradient_of(cells, count, DONE, slope, end[0])
+    tail_done = (tilted(cells, count, DONE, slope, end[0], tilt), tilt)
     for effective in range(windowed):
         if not _can_be(nodes, windows[effective], limits[0]):
             continue
@@ -153,7 +155,7 @@ def whole_bound(head, weights, ring, limits, target, low, high, steps, nodes, en
         `cost_to_go.ring_down`.
     """
     least, most = limits
-    last = follow(head, 5, low, high, steps[0], steps[1], nodes, end, reach)
+    last = follow(head, WHOLE, low, high, steps[0], steps[1], nodes, end, reach)
     if last < 0:
         return NOTHING
     # Each number at its worst.

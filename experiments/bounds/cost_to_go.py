@@ -28,6 +28,8 @@ from inkjet_env.experiments.bounds.trajectory import (
 from inkjet_env.experiments.bounds.windows import NEVER, pass_all
 from inkjet_env.typing import Real
 
+LAST_EDGE = np.int64(4)
+"""Number of that segment; a number of numpy, since numba compiles a function again for each Python constant."""
 NODES = 64
 """Largest number of nodes of the last edge."""
 
@@ -97,20 +99,20 @@ def last_edge(head, b, radius_b, shortest, longest, longest_cell, factors, pushe
     cells = max(LEAST_CELLS, math.ceil(longest / longest_cell))
     found = np.zeros(5)
     part = np.empty(4, np.complex128)
-    moments(head, 4, 0.0, b, 0.0, radius_b, longest, found)
+    moments(head, LAST_EDGE, 0.0, b, 0.0, radius_b, longest, found)
     factors[0], pushes[0], radii[0] = 1.0, 0.0, 0.0
     step = np.exp(pole * duration / cells)
     area, leaning = 0.0, 0.0
     for cell in range(cells):
         begin, stop = cell / cells, (cell + 1) / cells
-        push(head, 4, 0.0, b, duration, begin, stop, part)
-        speeds[cell + 1] = fastest(head, 4, 0.0, b, 0.0, radius_b, begin, stop)[0] / shortest
+        push(head, LAST_EDGE, 0.0, b, duration, begin, stop, part)
+        speeds[cell + 1] = fastest(head, LAST_EDGE, 0.0, b, 0.0, radius_b, begin, stop)[0] / shortest
         factors[cell + 1] = step * factors[cell]
         pushes[cell + 1] = step * pushes[cell] + part[0]
         # The push up to θ changes with the duration by at most |λ| ∫ (θ − s) |w(s)| ds.
         for k in range(GAUSS.size):
             theta = begin + GAUSS[k] * (stop - begin)
-            w, _, _ = speed(head, 4, 0.0, b, theta)
+            w, _, _ = speed(head, LAST_EDGE, 0.0, b, theta)
             area += WEIGHT[k] * (stop - begin) * abs(w)
             leaning += WEIGHT[k] * (stop - begin) * abs(w) * theta
         volts = found[3] + found[4]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from inkjet_env.experiments.bounds.box_bound import WINDOW_COLUMNS, prefix_bound, whole_bound
+from inkjet_env.experiments.bounds.box_bound import WHOLE, WINDOW_COLUMNS, prefix_bound, whole_bound
 from inkjet_env.experiments.bounds.head_numbers import GAIN, OMEGA, SIGMA
 from inkjet_env.experiments.bounds.table_cells import CELL_COLUMNS
 from inkjet_env.experiments.bounds.trajectory import NODE_COLUMNS, PARAMETERS
@@ -17,8 +17,8 @@ PROVEN = 7
 """Symbol of a box whose bound is good enough; smaller ones are numbers of sides."""
 PROVED, FULL, STUCK, STOPPED = range(4)
 """How a walk ends."""
-DWELL, EDGE, WHOLE = 3, 4, 5
-"""What is followed of a box: up to the dwell before the last edge, up to that edge, or all."""
+DWELL = 3
+"""Segments that are followed of a box: those up to the dwell before the last edge, one more, or `WHOLE`."""
 
 
 def influences(head: Real, lower: Real, upper: Real) -> Real:
@@ -54,11 +54,11 @@ def box_bound(
         return whole_bound(head, weights, ring, limits, target, low, high, steps, nodes, end, reach, to_go, windows)
     if followed == DWELL:
         return prefix_bound(
-            head, weights, limits, target, DWELL, low, high, steps, dwell, inner_dwell, low_b, high_b, grid, finest,
+            head, weights, limits, target, followed, low, high, steps, dwell, inner_dwell, low_b, high_b, grid, finest,
             nodes, end, reach, to_go, windows, cells,
         )  # fmt: skip
     return prefix_bound(
-        head, weights, limits, target, EDGE, low, high, steps, edge, inner_edge, low_b, high_b, grid, finest, nodes,
+        head, weights, limits, target, followed, low, high, steps, edge, inner_edge, low_b, high_b, grid, finest, nodes,
         end, reach, to_go, windows, cells,
     )  # fmt: skip
 

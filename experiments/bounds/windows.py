@@ -8,6 +8,7 @@ one can be as high as ``least``, so that the effective one is the largest."""
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from inkjet_env.experiments.bounds.trajectory import (
@@ -21,6 +22,8 @@ from inkjet_env.experiments.bounds.trajectory import (
 
 NEVER = 1e300
 """Cost of what no course does."""
+RISING, FALLING = np.int64(1), np.int64(-1)
+"""Signs of a slope."""
 EVEN, ODD, ANY = 0, 1, 3
 """What is known of the number of extrema in a window."""
 (FIRST, LAST, KIND, REFERENCE, SPREAD, SINGLE, RISES_BEFORE) = range(7)
@@ -119,10 +122,10 @@ def pass_all(weights, nodes, last, slope_before, least, most, to_go):
         pass_nodes(weights, nodes, last, slope_before, sign, least, most, to_go)
         return
     before, just, after = to_go[0], to_go[1], to_go[2]
-    pass_nodes(weights, nodes, last, slope_before, 1, least, most, to_go)
+    pass_nodes(weights, nodes, last, slope_before, RISING, least, most, to_go)
     rising_before, rising_just, rising_after = to_go[0], to_go[1], to_go[2]
     to_go[0], to_go[1], to_go[2] = before, just, after
-    pass_nodes(weights, nodes, last, slope_before, -1, least, most, to_go)
+    pass_nodes(weights, nodes, last, slope_before, FALLING, least, most, to_go)
     to_go[0], to_go[1] = min(to_go[0], rising_before), min(to_go[1], rising_just)
     to_go[2] = min(to_go[2], rising_after)
 
