@@ -97,11 +97,16 @@ def head_row(result: dict[str, Any]) -> dict[str, Any]:
 
 
 def table(results: Sequence[dict[str, Any]]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Headings and rows: a row for each head."""
+    """Headings and rows: a row for each head; a verdict that names the concealed effect is told without its name."""
+
+    def told(result: dict[str, Any]) -> str:
+        others = result["effects"] if result["effects"] != result["draw"]["effects"] else ()
+        return " ".join((result["verdict"], *others))
+
     header = ("concealed", "verdict", "recordings", "minutes", "base (V)", "tuned (V)", "oracle (V)")
     return header, [
         (
-            result["draw"]["effects"][0], " ".join((result["verdict"], *result["effects"])), str(result["recordings"]),
+            result["draw"]["effects"][0], told(result), str(result["recordings"]),
             f"{result['seconds'] / 60:.1f}", f"{row['base']:.2f}", f"{row['loop']:.2f}", f"{row['oracle']:.2f}",
         )
         for result, row in ((result, head_row(result)) for result in results)

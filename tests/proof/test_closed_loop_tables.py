@@ -46,7 +46,7 @@ def test_every_head_is_told_with_what_it_began_and_ended_with(folder, capsys):
     assert f"| trigger_delay, medium | random | {said} | 0 | – |" in lines
     assert "| closed loop | 100.0 % | 100.0 % | 0 | 0.0 % |" in lines
     assert "| corrected head | 80.0 % | 80.0 % | 0 | 0.0 % |" in lines
-    assert "| echo | named echo | 41 | 3.8 | -10.00 | -14.00 | -15.00 |" in lines
+    assert "| echo | named | 41 | 3.8 | -10.00 | -14.00 | -15.00 |" in lines
 
 
 def test_a_folder_of_something_else_is_refused(tmp_path, capsys):
