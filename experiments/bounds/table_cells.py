@@ -14,8 +14,8 @@ LEVELS = 6
 """Number of levels of a table: each has the minima of 2 × 2 cells of the one below."""
 CELL_COLUMNS = 7
 LATER, JUST, DONE = np.arange(3)
-"""Columns of the cost to go: the extremum after the effective one is later, is the next, or is over. They are numbers of
-numpy, since numba compiles a function again for each Python constant that it is given."""
+"""Columns of the cost to go: the extremum after the effective one is later, is the next, or is over. They are of numpy,
+since numba compiles a function again for each Python constant that it is given."""
 
 
 @njit(cache=True)
