@@ -126,6 +126,17 @@ def test_a_hum_is_found_at_its_frequency_and_loudness(frequency_Hz, look):
     assert best.gain > 30 - np.log(2)  # the mean over two forms costs so much at most
 
 
+def test_a_tone_faster_than_a_printhead_file_can_hold_is_not_named(look, effects):
+    """A recording of an edge has samples every few nanoseconds."""
+    rng = np.random.default_rng(26)
+    observed = recordings(step_s=3e-9)
+    fastest_Hz = effects["mains_hum"].parameters[0].high
+    for frequency_Hz, named in ((0.9 * fastest_Hz, True), (1.5 * fastest_Hz, False)):
+        found = look(observed, together(white(observed, rng), tone(observed, rng, frequency_Hz, 2 * RMS)))
+        frequencies_Hz = [one.values["frequency_Hz"] for one in found if one.effect.id == "mains_hum"]
+        assert frequencies_Hz == [pytest.approx(frequency_Hz, rel=1e-3)] * named
+
+
 def test_a_tone_and_one_of_its_multiples_need_not_choose_a_form_from_half_of_the_recordings(look):
     """Half of them may take five multiples for the likelier form, which predicts the others worse than noise does."""
     rng = np.random.default_rng(31)
