@@ -6,7 +6,8 @@ ARGS ?=
 PY := .venv/bin/python
 READY := .venv/.ready
 # One process per core, each test file in one process; linear algebra uses one thread per process, to avoid contention.
-TEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --dist loadfile
+# In the order of their names: by number of tests, as is xdist's default, the few tests that take longest come last.
+TEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .PHONY: help setup bench test lint check docs format figures speed accuracy identification diagnosis measured lock clean
 
