@@ -6,8 +6,7 @@ ARGS ?=
 PY := .venv/bin/python
 READY := .venv/.ready
 # One process per core, each test file in one process; linear algebra uses one thread per process, to avoid contention.
-# In the order of their names: by number of tests, as is xdist's default, the few tests that take longest come last.
-TEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --dist loadfile --no-loadscope-reorder
+TEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --dist loadfile
 
 .PHONY: help setup bench test lint check docs format figures speed accuracy identification diagnosis measured lock clean
 
