@@ -40,7 +40,7 @@ ROUNDING = 1e-9
 at this node, in volts; sign of the slope before, 0 if unknown; whether there is an extremum for certain; one only."""
 WINDOW_COLUMNS = 7
 WHOLE, NONE = np.int64(5), np.int64(-1)
-"""All segments of a waveform, and no window."""
+"""All segments of a waveform, and no window; numbers of numpy, as `table_cells.LATER`."""
 PASSES = 4
 """Passes of the search for the best multipliers."""
 

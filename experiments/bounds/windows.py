@@ -23,7 +23,7 @@ from inkjet_env.experiments.bounds.trajectory import (
 NEVER = 1e300
 """Cost of what no course does."""
 RISING, FALLING = np.int64(1), np.int64(-1)
-"""Signs of a slope."""
+"""Signs of a slope; numbers of numpy, so that `pass_nodes` is compiled once."""
 EVEN, ODD, ANY = 0, 1, 3
 """What is known of the number of extrema in a window."""
 (FIRST, LAST, KIND, REFERENCE, SPREAD, SINGLE, RISES_BEFORE) = range(7)

@@ -20,7 +20,7 @@ from inkjet_env.mismatch.selection.amplitude_likelihood import (
 from inkjet_env.mismatch.selection.split_likelihood import noise_of
 from inkjet_env.mismatch.settings import DiagnosisSettings
 from inkjet_env.plant import Effect
-from inkjet_env.plant.effect import Parameter, coordinates, limits, values_at
+from inkjet_env.plant.effect import Parameter, coordinates, values_at
 from inkjet_env.printhead import Printhead
 from inkjet_env.typing import Real
 
@@ -100,16 +100,11 @@ def noise_beside(effect: Effect, values: dict[str, float], channel: Channel) -> 
 def _starts(effect: Effect, channel: Channel, printhead: Printhead) -> list[dict[str, float]]:
     """Starts within the bounds that some recording shows: a tone out of bounds is no other tone at a bound."""
     excitations = [replace(o.excitation, residual_lines_Hz=channel.lines_Hz) for o in channel.observed]
-    low, high = limits(effect, printhead, excitations)
-
-    def within(start: dict[str, float]) -> bool:
-        theta = coordinates(effect, start)
-        return bool(((low <= theta) & (theta <= high)).all())
-
     return [
         start
         for start in effect.starts(printhead, excitations)
-        if within(start) and any(effect.random_effect_basis(start, o.excitation) is not None for o in channel.observed)
+        if all(p.low <= start[p.name] <= p.high for p in effect.parameters)
+        and any(effect.random_effect_basis(start, o.excitation) is not None for o in channel.observed)
     ]
 
 
