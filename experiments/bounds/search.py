@@ -138,7 +138,7 @@ class Search:
                 return
             lower, upper = pieces[k][1].copy(), pieces[k][2].copy()
             symbols, counts = np.empty(told.most, np.uint8), np.zeros(4, np.int64)
-            began = time.monotonic()
+            began = time.thread_time()
             ended = prove(
                 self.task.head, self.task.weights, self.task.ring, limits, self.bound_V, self.influence,
                 told.thresholds, lower, upper, told.steps, *tables, ready.low_b, ready.high_b, ready.shape, told.finest,
@@ -154,7 +154,7 @@ class Search:
                     f"{limits[1]:.4f} V, the box of waveforms {box} (U1 and −U2 in V, durations in µs) {why}. Give a "
                     "lower bound."
                 )
-            spent = {"bounds": [int(n) for n in counts[:3]], "seconds": time.monotonic() - began}
+            spent = {"bounds": [int(n) for n in counts[:3]], "seconds": time.thread_time() - began}
             write_atomically(files[k].with_suffix(".json"), json_text(spent))
             write_atomically(files[k], lzma.compress(symbols[: counts[3]].tobytes(), preset=1))
 
