@@ -5,8 +5,10 @@ PIP_FLAGS ?=
 ARGS ?=
 PY := .venv/bin/python
 READY := .venv/.ready
-# One process per core, each test file in one process; linear algebra uses one thread per process, to avoid contention.
-TEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --dist loadfile
+# Each test file in one process, and one process more than cores: tests of browsers and killed processes mostly wait.
+# Linear algebra uses one thread per process, to avoid contention.
+PROCESSES := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
+TEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) -m pytest -n $(PROCESSES) --dist loadfile
 
 .PHONY: help setup bench test lint check docs format figures speed accuracy identification diagnosis measured lock clean
 

@@ -1,13 +1,16 @@
 """A policy that tunes a head from all that was read of it: a small recurrent network, stored as numbers with a header.
 
 A gated recurrent unit follows the observations of ``inkjet_env/TuneWaveform-v0``. Its state gives an estimate of the
-head's four parameters, and a score of each waveform of a list. The waveform with the highest score is fired, after a
-correction that is a quadratic polynomial of the estimate, and stretched to the estimated period. It runs without
-PyTorch and without a simulator; `inkjet_env.experiments.learning.recurrent_training` trains it.
+head's four parameters, some steps away from the waveform that is kept, and a score of each step and of each waveform of
+a list. What has the highest score is fired: the kept waveform after the step, or the waveform of the list after a
+correction, which is a cubic polynomial of the estimate, and stretched to the estimated period. The first waveform is
+the same for all heads: one whose peaks tell much of a head. It runs without PyTorch and without a simulator;
+`inkjet_env.experiments.learning.recurrent_training` trains it.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 from collections.abc import Mapping
@@ -21,26 +24,27 @@ from scipy.special import expit
 
 from inkjet_env.envs.tune_waveform import PEAKS
 from inkjet_env.envs.waveform_tuning_task import PEAK_SCALE_V, TIME_SCALE_S
-from inkjet_env.experiments.learning.few_shot_tuners import MIDDLE, PULSE
+from inkjet_env.experiments.learning.few_shot_tuners import MIDDLE
 from inkjet_env.experiments.learning.heads import PARAMETERS, stretched
 from inkjet_env.experiments.learning.policies import policy_file_errors
 from inkjet_env.printhead.waveform import PARAMETER_NAMES
 from inkjet_env.storage import archive_bytes, write_atomically
 from inkjet_env.typing import Real
 
-FORMAT = "recurrent-policy/1"
+FORMAT = "recurrent-policy/2"
 SHIPPED = Path(__file__).with_name("recurrent_policy.npz")
 """The policy that comes with the package."""
 READ = 2 + 2 * len(PARAMETER_NAMES)
-"""Numbers of an observation before its peaks."""
+"""Numbers of an observation before its peaks, the waveform that is kept last."""
+KEPT = slice(READ - len(PARAMETER_NAMES), READ)
 FEATURES = READ + 6 * PEAKS - 2
-TERMS = 1 + PARAMETERS + PARAMETERS * (PARAMETERS + 1) // 2
-"""Number of terms of a quadratic polynomial of the estimate."""
+FACTORS = np.array([*itertools.combinations_with_replacement(range(PARAMETERS + 1), 3)])
+"""Factors of each term of a cubic polynomial of the estimate: 0 is 1, and k the k-th parameter."""
 FARTHEST = 1.5
 """Magnitude at which an estimate is clipped: 1 is the end of the range of drawn heads."""
 USUAL_STEP_S, LOWEST_PEAK_V = 10e-6, 0.01
 """Time between two peaks that is 0 as a feature, and the height below which logarithms end."""
-MOST_UNITS, MOST_WAVEFORMS = 1024, 1024
+MOST = 1024
 
 
 def features(observations: ArrayLike) -> Real:
@@ -70,14 +74,14 @@ def features(observations: ArrayLike) -> Real:
 
 
 def terms(estimates: Real) -> Real:
-    """Terms of a quadratic polynomial of estimates, shape (n, 4): shape (n, TERMS), the constant first."""
-    rows, columns = np.triu_indices(PARAMETERS)
-    return np.concatenate([np.ones((len(estimates), 1)), estimates, estimates[:, rows] * estimates[:, columns]], axis=1)
+    """Terms of a cubic polynomial of estimates, shape (n, 4): shape (n, 35), the constant first."""
+    return np.concatenate([np.ones((len(estimates), 1)), estimates], axis=1)[:, FACTORS].prod(axis=2)
 
 
-def shapes(units: int, waveforms: int) -> dict[str, tuple[int, ...]]:
-    """Shape of each array of a policy with so many units and waveforms."""
+def shapes(units: int, waveforms: int, steps: int) -> dict[str, tuple[int, ...]]:
+    """Shape of each array of a policy with so many units, waveforms and steps."""
     return {
+        "first": (len(PARAMETER_NAMES),),
         "encoder": (units, FEATURES),
         "encoder_bias": (units,),
         "input_gates": (3 * units, units),
@@ -86,9 +90,11 @@ def shapes(units: int, waveforms: int) -> dict[str, tuple[int, ...]]:
         "state_gates_bias": (3 * units,),
         "estimate": (PARAMETERS, units),
         "estimate_bias": (PARAMETERS,),
-        "score": (waveforms, units),
-        "score_bias": (waveforms,),
-        "corrections": (waveforms, TERMS, len(PARAMETER_NAMES)),
+        "score": (waveforms + steps, units),
+        "score_bias": (waveforms + steps,),
+        "corrections": (waveforms, len(FACTORS), len(PARAMETER_NAMES)),
+        "steps": (steps * len(PARAMETER_NAMES), units),
+        "steps_bias": (steps * len(PARAMETER_NAMES),),
     }
 
 
@@ -101,7 +107,8 @@ class RecurrentPolicy:
     arrays : mapping of str to ndarray
         Weights and biases, with the names and shapes of `shapes`. The gates are those of
         `torch.nn.GRU`, in its order: reset, update, new. Corrections are in units of the box, from no drive for the
-        middle head; their constant terms are the waveforms of the list.
+        middle head; their constant terms are the waveforms of the list. Steps are in the same units. Scores are those
+        of the list, then those of the steps.
     made : mapping
         How it was made, as plain JSON values.
     """
@@ -110,12 +117,16 @@ class RecurrentPolicy:
     made: Mapping[str, Any]
 
     def __post_init__(self) -> None:
-        units, waveforms = len(self.arrays["encoder_bias"]), len(self.arrays["score_bias"])
-        if not (1 <= units <= MOST_UNITS and 1 <= waveforms <= MOST_WAVEFORMS):
-            raise ValueError(f"a policy must have 1 to {MOST_UNITS} units and waveforms; got {units} and {waveforms}.")
-        found = {name: value.shape for name, value in self.arrays.items()}
-        if found != shapes(units, waveforms):
-            raise ValueError(f"a policy's arrays must have the shapes {shapes(units, waveforms)}; got {found}.")
+        counts = (
+            len(self.arrays["encoder_bias"]),
+            len(self.arrays["corrections"]),
+            len(self.arrays["steps_bias"]) // len(PARAMETER_NAMES),
+        )
+        if not all(1 <= count <= MOST for count in counts):
+            raise ValueError(f"a policy must have 1 to {MOST} units, waveforms and steps each; got {counts}.")
+        found, asked = {name: value.shape for name, value in self.arrays.items()}, shapes(*counts)
+        if found != asked:
+            raise ValueError(f"a policy's arrays must have the shapes {asked}; got {found}.")
         if not all(np.isfinite(value).all() for value in self.arrays.values()):
             raise ValueError("a policy's weights must be finite; one is not.")
 
@@ -132,7 +143,7 @@ class RecurrentPolicy:
         Returns
         -------
         actions : ndarray, shape (n, 7)
-            In ``[-1, 1]``. Before the first try it is a short pulse.
+            In ``[-1, 1]``.
         state : ndarray, shape (n, units)
         """
         shown = features(observations)
@@ -145,10 +156,15 @@ class RecurrentPolicy:
         new = np.tanh(by_input[2] + reset * by_state[2])
         state = (1 - update) * new + update * state
         estimates = np.clip(self._layer("estimate", state), -FARTHEST, FARTHEST)
-        chosen = self._layer("score", state).argmax(axis=1)
-        points = np.einsum("nt,ntk->nk", terms(estimates), self.arrays["corrections"][chosen])
-        actions = stretched(points, MIDDLE, estimates)
-        actions[shown[:, 0] == 0] = PULSE
+        chosen, corrections = self._layer("score", state).argmax(axis=1), self.arrays["corrections"]
+        listed = chosen < len(corrections)
+        points = np.einsum("nt,ntk->nk", terms(estimates), corrections[np.where(listed, chosen, 0)])
+        steps = self._layer("steps", state).reshape(len(shown), -1, len(PARAMETER_NAMES))
+        step = steps[np.arange(len(shown)), np.where(listed, 0, chosen - len(corrections))]
+        actions = np.where(
+            listed[:, None], stretched(points, MIDDLE, estimates), np.clip(shown[:, KEPT] + step, -1.0, 1.0)
+        )
+        actions[shown[:, 0] == 0] = self.arrays["first"]
         return actions, state
 
     def _layer(self, name: str, values: Real) -> Real:
@@ -175,7 +191,7 @@ class RecurrentPolicy:
                 raise ValueError(f"its format is {header.get('format')!r}, not {FORMAT!r}")
             if header["action"] != list(PARAMETER_NAMES) or header["peaks"] != PEAKS:
                 raise ValueError("it was made for other observations or actions")
-            arrays = {name: archive[name].astype(np.float64, casting="safe") for name in shapes(1, 1)}
+            arrays = {name: archive[name].astype(np.float64, casting="safe") for name in shapes(1, 1, 1)}
             return cls(arrays, header["made"])
 
 

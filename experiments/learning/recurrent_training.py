@@ -2,11 +2,11 @@
 
 ``python -m inkjet_env.experiments.learning.recurrent_training --out policy.npz --seed 0``
 
-In every try the policy scores the waveforms of its list. Some of them are evaluated on the head, which is known in
-training, so that the expected cost of the choice among them is exact, and so is its gradient in their corrections. An
-estimate of the head's parameters is learnt beside. The waveform that is fired is drawn by the scores; no gradient is
-taken through what is read of it. Batches of heads take turns: as the environment draws them, read with larger errors,
-lying further out, and with an effect beyond the base model.
+In every try the policy scores the waveforms of its list and its steps from the kept waveform. Some of them are
+evaluated on the head, which is known in training, so that the expected cost of the choice among them is exact, and so
+is its gradient in corrections and steps. An estimate of the head's parameters is learnt beside. The waveform that is
+fired is drawn by the scores; no gradient is taken through what is read of it. Batches of heads take turns: as the
+environment draws them, read with larger errors, lying further out, and with an effect beyond the base model.
 """
 
 from __future__ import annotations
@@ -22,13 +22,15 @@ import numpy as np
 from inkjet_env.envs.given_heads import GivenHeads
 from inkjet_env.envs.task import CONTEXT_LOWER, CONTEXT_UPPER
 from inkjet_env.envs.tune_waveform import NOISE_V, TRIES, TuneWaveformVectorEnv
-from inkjet_env.experiments.learning.few_shot_tuners import PULSE, best_list
+from inkjet_env.experiments.learning.few_shot_tuners import best_list
 from inkjet_env.experiments.learning.heads import PARAMETERS, TRAIN_SEED, Heads, heads_with_effects, the_task
 from inkjet_env.experiments.learning.learners import labelled
 from inkjet_env.experiments.learning.recurrent_policy import (
+    FACTORS,
     FARTHEST,
     FEATURES,
-    TERMS,
+    KEPT,
+    READ,
     RecurrentPolicy,
     features,
 )
@@ -41,16 +43,20 @@ with extra("learning"):
     import torch
     from torch import Tensor, nn
 
-UNITS, WAVEFORMS = 128, 64
-"""Units of the network, and waveforms of its list."""
-LABELLED = 100_000
+UNITS, WAVEFORMS, STEPS = 128, 64, 16
+"""Units of the network, waveforms of its list, and steps from the kept waveform."""
+FIRST_STEP = 0.3
+"""Scale of the steps with which training begins, in those of a layer's weights."""
+LABELLED = 400_000
 """Evaluations spent on the best waveforms of some heads, from which the list is chosen."""
 EVALUATIONS = 16_000_000
 """Evaluations of a training."""
-HEADS, HEADS_WITH_EFFECTS = 256, 32
+HEADS, HEADS_WITH_EFFECTS = 96, 8
 """Heads of a batch."""
+HEADS_OF_THE_FIRST = 1500
+"""Heads on which the first waveform is chosen."""
 CANDIDATES = 6
-"""Waveforms of the list that are evaluated in a try, half of them those of the highest scores."""
+"""Waveforms that are evaluated in a try, half of them those of the highest scores."""
 WIDER = 3.0
 """Scale of the random part of the scores by which the other candidates are drawn."""
 PLAIN = 0.1
@@ -61,7 +67,7 @@ edge of a jump of the cost is not worth much. In the k-th try it is the (k − 1
 the edge may be tried."""
 STEEPEST_V = 30.0
 """Largest component of a gradient, in volts per half width of the box."""
-RATE = 4e-3
+RATE = 2e-3
 """Largest rate of learning, after a third of the episodes."""
 LEARNING_OF_THE_ESTIMATE = 0.3
 """Weight of the estimate's mean error beside costs in volts."""
@@ -140,37 +146,46 @@ class Network(nn.Module):
     ----------
     listed : ndarray, shape (waveforms, 7)
         The waveforms with which it begins, for the middle head, in ``[-1, 1]``.
+    first : ndarray, shape (7,)
+        The waveform that is fired first.
     """
 
-    def __init__(self, listed: Real) -> None:
+    def __init__(self, listed: Real, first: Real) -> None:
         super().__init__()
+        self.first = first
         self.encoder, self.gates = nn.Linear(FEATURES, UNITS), nn.GRUCell(UNITS, UNITS)
-        self.estimate, self.score = nn.Linear(UNITS, PARAMETERS), nn.Linear(UNITS, len(listed))
-        corrections = torch.zeros(len(listed), TERMS, 7, dtype=torch.float64)
+        self.estimate, self.score = nn.Linear(UNITS, PARAMETERS), nn.Linear(UNITS, len(listed) + STEPS)
+        self.steps = nn.Linear(UNITS, STEPS * 7)
+        with torch.no_grad():
+            self.steps.weight *= FIRST_STEP
+            self.steps.bias *= FIRST_STEP
+        corrections = torch.zeros(len(listed), len(FACTORS), 7, dtype=torch.float64)
         corrections[:, 0] = torch.as_tensor(listed)
         self.corrections = nn.Parameter(corrections)
         self.double()
         ends = the_task().bounds.from_unit(np.array([[-1.0] * 7, [1.0] * 7]))
         self.lower, self.half_width = torch.as_tensor(ends[0]), torch.as_tensor((ends[1] - ends[0]) / 2)
         self.resonances_Hz = CONTEXT_LOWER[0], CONTEXT_UPPER[0]
-        self.rows, self.columns = torch.triu_indices(PARAMETERS, PARAMETERS)
 
     def forward(self, observations: Real, state: Tensor | None) -> tuple[Tensor, Tensor, Tensor]:
-        """Estimates (n, 4), scores (n, waveforms) and the next state."""
+        """Estimates (n, 4), scores (n, waveforms + steps) and the next state."""
         state = self.gates(torch.tanh(self.encoder(torch.as_tensor(features(observations)))), state)
         return self.estimate(state), self.score(state), state
 
-    def points(self, estimates: Tensor, chosen: Tensor) -> Tensor:
-        """Chosen waveforms, shape (n, k), for the estimated heads: shape (n, k, 7), in units of the box."""
+    def points(self, observations: Real, estimates: Tensor, state: Tensor, chosen: Tensor) -> Tensor:
+        """The waveforms of chosen scores, shape (n, k): shape (n, k, 7), in units of the box."""
+        listed = chosen < len(self.corrections)
         inside = estimates.clamp(-FARTHEST, FARTHEST)
-        squares = inside[:, self.rows] * inside[:, self.columns]
-        polynomial = torch.cat([torch.ones_like(inside[:, :1]), inside, squares], 1)
-        points = torch.einsum("nt,nctk->nck", polynomial, self.corrections[chosen])
+        polynomial = torch.cat([torch.ones_like(inside[:, :1]), inside], 1)[:, FACTORS].prod(2)
+        points = torch.einsum("nt,nctk->nck", polynomial, self.corrections[torch.where(listed, chosen, 0)])
         low_Hz, high_Hz = self.resonances_Hz
         middle_Hz = (low_Hz + high_Hz) / 2  # of the head for which the list is made
         scale = (middle_Hz / (middle_Hz + inside[:, 0] * (high_Hz - low_Hz) / 2))[:, None, None]
         physical = self.lower + (points + 1) * self.half_width
-        return torch.cat([points[..., :2], ((physical * scale - self.lower) / self.half_width - 1)[..., 2:]], 2)
+        points = torch.cat([points[..., :2], ((physical * scale - self.lower) / self.half_width - 1)[..., 2:]], 2)
+        numbers = torch.where(listed, 0, chosen - len(self.corrections))[..., None].expand(-1, -1, 7)
+        steps = self.steps(state).view(len(state), STEPS, 7).gather(1, numbers)
+        return torch.where(listed[..., None], points, torch.as_tensor(observations[:, KEPT])[:, None] + steps)
 
     def policy(self, made: dict[str, Any]) -> RecurrentPolicy:
         """The policy with these weights."""
@@ -186,8 +201,11 @@ class Network(nn.Module):
             "score": self.score.weight,
             "score_bias": self.score.bias,
             "corrections": self.corrections,
+            "steps": self.steps.weight,
+            "steps_bias": self.steps.bias,
         }
-        return RecurrentPolicy({name: value.detach().numpy().copy() for name, value in tensors.items()}, made)
+        arrays = {name: value.detach().numpy().copy() for name, value in tensors.items()}
+        return RecurrentPolicy({"first": self.first.copy(), **arrays}, made)
 
 
 def loss_of_an_episode(
@@ -201,11 +219,11 @@ def loss_of_an_episode(
     for made in range(tries):
         estimates, scores, state = network(observations, state)
         if made == 0:
-            actions = np.tile(PULSE, (bench.count, 1))
+            actions = np.tile(network.first, (bench.count, 1))
         else:
             loss = loss + LEARNING_OF_THE_ESTIMATE * (estimates - parameters).abs().sum(1).mean()
             chosen = _candidates(scores.detach(), random)
-            points = network.points(estimates, chosen)
+            points = network.points(observations, estimates, state, chosen)
             tried = points.detach() + JITTER / made * torch.randn(points.shape, generator=random, dtype=torch.float64)
             costs_V, gradients = map(torch.as_tensor, bench.evaluate(tried.numpy()))
             spent += costs_V.numel()
@@ -232,6 +250,31 @@ def _candidates(scores: Tensor, random: torch.Generator) -> Tensor:
     return torch.cat([best, others.topk(CANDIDATES - best.shape[1], 1).indices], 1)
 
 
+def most_telling(waveforms: Real, seed: int) -> tuple[Real, int]:
+    """The waveform whose peaks tell most of a head, and the number of evaluations spent on the choice.
+
+    It is fired on drawn heads. A quadratic function of what is read on half of them, fitted by least squares, estimates
+    the parameters of the others with the least mean error.
+
+    Parameters
+    ----------
+    waveforms : ndarray, shape (k, 7)
+        Points in ``[-1, 1]``.
+    seed : int
+    """
+    envs, fitted = TuneWaveformVectorEnv(HEADS_OF_THE_FIRST), slice(HEADS_OF_THE_FIRST // 2)
+    others = slice(fitted.stop, None)
+    errors = []
+    for waveform in waveforms:
+        envs.reset(seed=TRAIN_SEED + SEEDS * (1 + seed))
+        shown = envs.step(np.tile(waveform, (envs.num_envs, 1)).astype(np.float32))[0]
+        read = features(shown)[:, READ:]
+        columns = np.column_stack([np.ones(len(read)), read, read**2])
+        fit = np.linalg.lstsq(columns[fitted], envs.tuning.contexts[fitted], rcond=1e-9)[0]
+        errors.append(np.abs(columns[others] @ fit - envs.tuning.contexts[others]).mean())
+    return waveforms[int(np.argmin(errors))], len(waveforms) * envs.num_envs
+
+
 def trained_recurrent_policy(evaluations: int, tries: int, seed: int) -> RecurrentPolicy:
     """A policy trained with a number of evaluations, beside those for its list; ``made`` has the sum of both."""
     torch.manual_seed(seed)
@@ -239,7 +282,8 @@ def trained_recurrent_policy(evaluations: int, tries: int, seed: int) -> Recurre
     random = torch.Generator().manual_seed(seed)
     observations, best, spent = labelled(LABELLED, seed)
     listed, more = best_list(observations, best, min(WAVEFORMS, len(best)), stretch=True)
-    spent += more
+    first, telling = most_telling(listed, seed)
+    spent += more + telling
     usual = TrainingBench(HEADS, tries)
     benches = (
         usual,
@@ -248,7 +292,7 @@ def trained_recurrent_policy(evaluations: int, tries: int, seed: int) -> Recurre
         usual,
         TrainingBench(HEADS, tries, spread=FARTHEST),
     )
-    network = Network(listed)
+    network = Network(listed, first)
     episodes = max(1, evaluations // (HEADS * (tries + (tries - 1) * CANDIDATES)))
     optimiser = torch.optim.Adam(network.parameters())
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, episodes)
