@@ -24,7 +24,7 @@ import numpy as np
 
 from inkjet_env.experiments.benchmark.problem import Problem
 from inkjet_env.experiments.benchmark.suite import problem
-from inkjet_env.experiments.bounds.tables import Tables
+from inkjet_env.experiments.bounds.tables import SPENT, Tables
 from inkjet_env.experiments.bounds.task import TABLES, Settings, parts_of, task_of
 from inkjet_env.experiments.bounds.tree import FULL, PROVED, STOPPED, STUCK, influences, prove
 from inkjet_env.experiments.execution.held_folder import held
@@ -125,11 +125,11 @@ class Search:
         return self.folder / f"part-{number:02}.xz"
 
     def _part(self, number: int, limits: tuple[float, float], ready: Tables, until: float) -> None:
-        tables, told = ready.for_part(limits), self.settings
-        pieces = self.pieces()
         folder = self.folder / f"part-{number:02}"
         folder.mkdir(exist_ok=True)
         remove_unfinished(folder)
+        pieces, told, tables = self.pieces(), self.settings, ready.for_part(limits)
+        write_atomically(folder / SPENT, json_text({"seconds": _seconds(folder / SPENT) + ready.seconds}))
         files = [folder / f"{k:04}.xz" for k in range(len(pieces))]
         left = [k for k, file in enumerate(files) if not file.exists()]
 
@@ -176,12 +176,15 @@ class Search:
                 self.stop[0] = 1
                 raise
         if all(file.exists() for file in files):
-            self._join(number, pieces, files)
+            self._join(number, pieces, files, _seconds(folder / SPENT))
             shutil.rmtree(folder)
 
-    def _join(self, number: int, pieces: list[tuple[list[int], Real, Real]], files: list[Path]) -> None:
-        """Write the tree of a part into one file: each box before its lower and its upper half."""
-        stream, spent, bounds = bytearray(), 0.0, np.zeros(3)
+    def _join(self, number: int, pieces: list[tuple[list[int], Real, Real]], files: list[Path], spent: float) -> None:
+        """Write the tree of a part into one file: each box before its lower and its upper half.
+
+        ``spent`` are the seconds of its tables.
+        """
+        stream, bounds = bytearray(), np.zeros(3)
         before: list[int] = []
         for (sides, _, _), file in zip(pieces, files, strict=True):
             same = next((k for k, (a, b) in enumerate(zip(before, sides, strict=False)) if a != b), len(before))
@@ -194,6 +197,11 @@ class Search:
         count = {"boxes": len(stream), "bounds": [int(n) for n in bounds], "seconds": spent}
         write_atomically(self.file(number).with_suffix(".json"), json_text(count))
         write_atomically(self.file(number), lzma.compress(bytes(stream), preset=6))
+
+
+def _seconds(file: Path) -> float:
+    """The processor's seconds that a file tells; 0 where there is none."""
+    return float(json.loads(file.read_text())["seconds"]) if file.exists() else 0.0
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict
 from pathlib import Path
@@ -18,6 +19,9 @@ from inkjet_env.progress import shown_progress
 from inkjet_env.storage import archive_bytes, json_text, write_atomically
 from inkjet_env.typing import Real
 
+SPENT = "tables.json"
+"""File of the processor's seconds spent on tables, in the folder of the certificate and of each part."""
+
 
 class Tables:
     """What the rest of a waveform costs at least, for ranges of U2.
@@ -28,6 +32,11 @@ class Tables:
     settings : Settings
     threads : int
         Number of threads.
+
+    Attributes
+    ----------
+    seconds : float
+        The processor's seconds that were spent on the tables computed last.
     """
 
     def __init__(self, task: Task, settings: Settings, threads: int) -> None:
@@ -40,6 +49,7 @@ class Tables:
         self.edge = np.full(size, np.inf, np.float32)
         self.dwell = np.empty_like(self.edge)
         self.inner = np.full((self.low_b.size, 3), NEVER)
+        self.seconds = 0.0
 
     def prepare(self, folder: Path) -> None:
         """Compute what holds for every part, what it costs after the effective extremum, or read it from the folder."""
@@ -62,6 +72,7 @@ class Tables:
         self._each("tables for all parts", self._prepare)
         made = {"asked": np.array(asked), "edge": self.edge[:, :, :, 1:], "inner": self.inner[:, 1:]}
         write_atomically(file, archive_bytes(made))
+        write_atomically(folder / SPENT, json_text({"seconds": self.seconds}))
 
     def _prepare(self, k: int) -> None:
         _task, table = self.task, np.empty(self.edge.shape[1:])
@@ -95,9 +106,15 @@ class Tables:
         )  # fmt: skip
 
     def _each(self, label: str, work: Any) -> None:
+        def seconds(k: int) -> float:
+            began = time.thread_time()
+            work(k)
+            return time.thread_time() - began
+
+        self.seconds = 0.0
         with ThreadPoolExecutor(self.threads) as pool, shown_progress(label, self.low_b.size) as show:
-            for done, one in enumerate(as_completed([pool.submit(work, k) for k in range(self.low_b.size)]), 1):
-                one.result()
+            for done, one in enumerate(as_completed([pool.submit(seconds, k) for k in range(self.low_b.size)]), 1):
+                self.seconds += one.result()
                 show(done)
 
 

@@ -1,8 +1,8 @@
 """Tables of a comparison in Markdown, for the record in ``docs``.
 
 ``python -m inkjet_env.experiments.publish.comparison_tables FOLDER`` prints the tables of a bench's ranking.json and of
-the other results in the folder: beating.json (the challenge of the best known costs), amortised.json and
-few_tries.json."""
+the other results in the folder: beating.json (the challenge of the best known costs), bounds.json (proven
+lower bounds), amortised.json and few_tries.json."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from inkjet_env.experiments.benchmark.regret import scale_V
 from inkjet_env.experiments.benchmark.report import RANKING_FORMAT
 from inkjet_env.experiments.benchmark.studies import challenge_best_known
 from inkjet_env.experiments.benchmark.suite import family_of, suite
+from inkjet_env.experiments.bounds import summary
 from inkjet_env.experiments.learning import amortised, few_shot
 from inkjet_env.experiments.publish.folder import print_sections, read_as
 from inkjet_env.jetting.figures_of_merit import jetting
@@ -91,6 +92,8 @@ def sections(folder: Path) -> Iterator[tuple[str, str]]:
         for budget, found in ranking["standings"].items():
             said = "\n".join(f"* {text}" for text in found["sentences"])
             yield f"After {int(budget):,} evaluations", f"{said}\n\n{markdown_table(*standings_table(found))}"
+    if (bounds := read_as(folder / "bounds.json", summary.FORMAT)) is not None:
+        yield "Proven bounds", summary.bounds_table(bounds)
     for name, module in (("amortised", amortised), ("few_tries", few_shot)):
         if (kept := read_as(folder / f"{name}.json", module.FORMAT)) is not None:
             tables = (markdown_table(*table) for table in module.result_tables(kept))
@@ -99,7 +102,7 @@ def sections(folder: Path) -> Iterator[tuple[str, str]]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Print the tables."""
-    files = "ranking.json", "beating.json", "amortised.json", "few_tries.json"
+    files = "ranking.json", "beating.json", "bounds.json", "amortised.json", "few_tries.json"
     print_sections("inkjet_env.experiments.publish.comparison_tables", __doc__, sections, files, arguments)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from inkjet_env.experiments.benchmark.problem import Problem, Spread
-from inkjet_env.experiments.bounds import search
+from inkjet_env.experiments.bounds import search, summary
 from inkjet_env.experiments.bounds.box_bound import WINDOW_COLUMNS, whole_bound
 from inkjet_env.experiments.bounds.cost_to_go import ring_down
 from inkjet_env.experiments.bounds.head_numbers import OMEGA, SIGMA, head_numbers, polynomial_range
@@ -208,6 +208,28 @@ def test_a_proof_that_is_interrupted_goes_on_and_is_the_same(proven, tmp_path, m
     assert trees(tmp_path) == trees(folder)
     with pytest.raises(ValueError, match="another problem, bound or division"):
         search.Search(tmp_path, problem_of(low, high), -23.0, 1, SMALL)
+
+
+def test_what_a_proof_took_is_told(proven, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(summary, "best_known_cost", {"narrow": -22.832}.get)
+    folder, _, _ = proven
+    summary.main([str(folder), "--json", str(tmp_path / "bounds.json")])
+    told = [cell.strip() for cell in capsys.readouterr().out.splitlines()[-1].strip("|").split("|")]
+    _, found = trees(folder)
+    boxes = sum(map(len, found))
+    assert told[2:6] == ["-24.5", "1.668", str(len(found)), f"{boxes:,}"]
+    (kept,) = json.loads((tmp_path / "bounds.json").read_text())["bounds"]
+    assert kept["boxes"] == boxes
+    searched_s = sum(json.loads(file.read_text())["seconds"] for file in folder.glob("part-*.json"))
+    tables_s = json.loads((folder / "tables.json").read_text())["seconds"]
+    assert 3600 * kept["hours"] == pytest.approx(searched_s + tables_s)
+    assert min(searched_s, tables_s) > 0
+
+
+def test_an_unfinished_proof_has_no_summary(tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        summary.main([str(tmp_path)])
+    assert "certificate.json: there is no such file. Let the search end first." in capsys.readouterr().err
 
 
 def test_a_bound_above_the_least_cost_is_not_proven(tmp_path):
