@@ -157,8 +157,8 @@ class Network(nn.Module):
         self.estimate, self.score = nn.Linear(UNITS, PARAMETERS), nn.Linear(UNITS, len(listed) + STEPS)
         self.steps = nn.Linear(UNITS, STEPS * 7)
         with torch.no_grad():
-            self.steps.weight *= FIRST_STEP
-            self.steps.bias *= FIRST_STEP
+            for small in self.steps.parameters():
+                small.mul_(FIRST_STEP)
         corrections = torch.zeros(len(listed), len(FACTORS), 7, dtype=torch.float64)
         corrections[:, 0] = torch.as_tensor(listed)
         self.corrections = nn.Parameter(corrections)
@@ -282,7 +282,7 @@ def trained_recurrent_policy(evaluations: int, tries: int, seed: int) -> Recurre
     random = torch.Generator().manual_seed(seed)
     observations, best, spent = labelled(LABELLED, seed)
     listed, more = best_list(observations, best, min(WAVEFORMS, len(best)), stretch=True)
-    first, telling = most_telling(listed, seed)
+    first_waveform, telling = most_telling(listed, seed)
     spent += more + telling
     usual = TrainingBench(HEADS, tries)
     benches = (
@@ -292,7 +292,7 @@ def trained_recurrent_policy(evaluations: int, tries: int, seed: int) -> Recurre
         usual,
         TrainingBench(HEADS, tries, spread=FARTHEST),
     )
-    network = Network(listed, first)
+    network = Network(listed, first_waveform)
     episodes = max(1, evaluations // (HEADS * (tries + (tries - 1) * CANDIDATES)))
     optimiser = torch.optim.Adam(network.parameters())
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, episodes)
