@@ -45,6 +45,7 @@ FARTHEST = 1.5
 USUAL_STEP_S, LOWEST_PEAK_V = 10e-6, 0.01
 """Time between two peaks that is 0 as a feature, and the height below which logarithms end."""
 MOST = 1024
+"""Largest number of units, waveforms and steps that is accepted."""
 
 
 def features(observations: ArrayLike) -> Real:
@@ -105,7 +106,7 @@ class RecurrentPolicy:
     Parameters
     ----------
     arrays : mapping of str to ndarray
-        Weights and biases, with the names and shapes of `shapes`. The gates are those of
+        The first waveform, weights and biases, with the names and shapes of `shapes`. The gates are those of
         `torch.nn.GRU`, in its order: reset, update, new. Corrections are in units of the box, from no drive for the
         middle head; their constant terms are the waveforms of the list. Steps are in the same units. Scores are those
         of the list, then those of the steps.

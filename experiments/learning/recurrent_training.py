@@ -45,8 +45,8 @@ with extra("learning"):
 
 UNITS, WAVEFORMS, STEPS = 128, 64, 16
 """Units of the network, waveforms of its list, and steps from the kept waveform."""
-FIRST_STEP = 0.3
-"""Scale of the steps with which training begins, in those of a layer's weights."""
+SMALL = 0.3
+"""Factor by which the steps with which training begins are smaller than those of a layer with usual weights."""
 LABELLED = 400_000
 """Evaluations spent on the best waveforms of some heads, from which the list is chosen."""
 EVALUATIONS = 16_000_000
@@ -157,8 +157,8 @@ class Network(nn.Module):
         self.estimate, self.score = nn.Linear(UNITS, PARAMETERS), nn.Linear(UNITS, len(listed) + STEPS)
         self.steps = nn.Linear(UNITS, STEPS * 7)
         with torch.no_grad():
-            for small in self.steps.parameters():
-                small.mul_(FIRST_STEP)
+            for weights in self.steps.parameters():
+                weights.mul_(SMALL)
         corrections = torch.zeros(len(listed), len(FACTORS), 7, dtype=torch.float64)
         corrections[:, 0] = torch.as_tensor(listed)
         self.corrections = nn.Parameter(corrections)
