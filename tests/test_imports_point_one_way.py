@@ -96,7 +96,14 @@ ALLOWED = {
     "inkjet_env.experiments.learning": LEARNING,
     "inkjet_env.experiments.tuning": TUNING,
     "inkjet_env.experiments.proof": PROOF,
-    "inkjet_env.experiments.publish": (*PROOF, *LEARNING, *STUDIES, *TUNING, "inkjet_env.experiments.publish"),
+    "inkjet_env.experiments.publish": (
+        *PROOF,
+        *LEARNING,
+        *STUDIES,
+        *TUNING,
+        "inkjet_env.experiments.bounds",
+        "inkjet_env.experiments.publish",
+    ),
     "inkjet_env.experiments.commands": (
         *PROOF,
         *TUNING,
