@@ -35,15 +35,17 @@ def summary(folder: Path) -> dict[str, Any]:
             for number in range(len(header["parts"]))
         ]
         spent = [json.loads((folder / SPENT).read_text(encoding="utf-8")), *parts]
+        return {
+            "problem": header["problem"]["name"],
+            "bound_V": header["bound_V"],
+            "parts": len(parts),
+            "boxes": sum(part["boxes"] for part in parts),
+            "hours": sum(one["seconds"] for one in spent) / 3600,
+        }
     except FileNotFoundError as missing:
         raise ValueError(f"{missing.filename}: there is no such file. Let the search end first.") from None
-    return {
-        "problem": header["problem"]["name"],
-        "bound_V": header["bound_V"],
-        "parts": len(parts),
-        "boxes": sum(part["boxes"] for part in parts),
-        "hours": sum(one["seconds"] for one in spent) / 3600,
-    }
+    except (KeyError, TypeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{folder}: its files are not those of a search ({error}). Search again.") from None
 
 
 def bounds_table(found: Mapping[str, Any]) -> str:

@@ -11,6 +11,7 @@ from inkjet_env.experiments.benchmark.runner import run_bench
 from inkjet_env.experiments.benchmark.settings import BenchSettings
 from inkjet_env.experiments.benchmark.studies import challenge_best_known
 from inkjet_env.experiments.benchmark.suite import families, problem
+from inkjet_env.experiments.bounds import summary
 from inkjet_env.experiments.learning import amortised, few_shot
 from inkjet_env.experiments.publish import comparison_tables
 from inkjet_env.plant.augmented import AugmentedPrinthead
@@ -94,9 +95,12 @@ def test_studies_stand_in_it_as_they_are_printed(tmp_path, capsys):
     ]
     (tmp_path / "amortised.json").write_text(json.dumps(learnt))
     (tmp_path / "few_tries.json").write_text(json.dumps(tried))
+    proven = {"problem": "nominal", "bound_V": -25.0, "parts": 20, "boxes": 1234567, "hours": 1.25}
+    (tmp_path / "bounds.json").write_text(json.dumps({"format": summary.FORMAT, "bounds": [proven]}))
     comparison_tables.main([str(tmp_path)])
     out = capsys.readouterr().out
     rows = cells(out)
+    assert ["nominal", "-22.832046", "-25", "2.168", "20", "1,234,567", "1.2"] in rows
     assert ["cma-es", "0", "–", "1.5 (1 … 2)", "–", "–", "", "1.5 (1 … 2)", ""] in rows
     assert [(row[0], row[-2]) for row in rows if len(row) == 6][-2:] == [("a", "0.50 … 1.50"), ("b", "")]
     assert rows[-2:] == [["a", "1.50 (1.00 … 2.00)"], ["b", "1.50 (1.00 … 2.00)"]]

@@ -230,6 +230,10 @@ def test_an_unfinished_proof_has_no_summary(tmp_path, capsys):
     with pytest.raises(SystemExit):
         summary.main([str(tmp_path)])
     assert "certificate.json: there is no such file. Let the search end first." in capsys.readouterr().err
+    (tmp_path / "certificate.json").write_text('{"parts": 3}')
+    with pytest.raises(SystemExit):
+        summary.main([str(tmp_path)])
+    assert "its files are not those of a search" in capsys.readouterr().err
 
 
 def test_a_bound_above_the_least_cost_is_not_proven(tmp_path):
