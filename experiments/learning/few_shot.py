@@ -95,6 +95,7 @@ def tested(
             from inkjet_env.experiments.learning.recurrent_training import trained_recurrent_policy
 
             learnt = trained_recurrent_policy(OF_A_GRADIENT * evaluations, tries, seed)
+            learnt.save(folder / f"{file}.npz")
             tuners, spent = {RECURRENT: RecurrentTuner(learnt)}, int(learnt.made["evaluations"])
         elif way == MODEL_BASED:
             tuners, spent = {MODEL_BASED: ModelBasedTuner(seed)}, 0
@@ -140,16 +141,17 @@ def study(
         Seed of the study, number of trainings of each method, number of processes, and number of tries per head.
     """
     test_seed = TEST_SEED + seed
-    jobs = {
+    once = (MODEL_BASED, *SCRATCH)  # the longest job first
+    jobs = {name: (folder, name, 1, evaluations, seed, heads, tries, test_seed) for name in once} | {
         f"{way}, training {k}": (folder, way, k, evaluations, one, heads, tries, test_seed)
         for way in LEARNT
         for k, one in enumerate(seeds(seed, trainings), 1)
-    } | {name: (folder, name, 1, evaluations, seed, heads, tries, test_seed) for name in (*SCRATCH, MODEL_BASED)}
+    }
     found = each("few tries", tested, jobs, workers)
     kept_V: dict[str, Real] = {}
     learning: dict[str, int] = {}
     trained: dict[str, int] = {}
-    for way in (*SCRATCH, MODEL_BASED, *LEARNT):
+    for way in (*once, *LEARNT):
         some = [found[job] for job, arguments in jobs.items() if arguments[1] == way]
         spent = [float(one.pop(LEARNING)) for one in some]
         for entry in some[0]:

@@ -6,7 +6,8 @@ In every try the policy scores the waveforms of its list and its steps from the 
 evaluated on the head, which is known in training, so that the expected cost of the choice among them is exact, and so
 is its gradient in corrections and steps. An estimate of the head's parameters is learnt beside. The waveform that is
 fired is drawn by the scores; no gradient is taken through what is read of it. Batches of heads take turns: as the
-environment draws them, read with larger errors, lying further out, and with an effect beyond the base model.
+environment draws them, read with larger errors, lying further out, and with an effect beyond the base model. In the end
+a policy uses few waveforms of its list, and which ones is partly chance: so several are trained, and the best is kept.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 import argparse
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +24,7 @@ import numpy as np
 from inkjet_env.envs.given_heads import GivenHeads
 from inkjet_env.envs.task import CONTEXT_LOWER, CONTEXT_UPPER
 from inkjet_env.envs.tune_waveform import NOISE_V, TRIES, TuneWaveformVectorEnv
-from inkjet_env.experiments.learning.few_shot_tuners import best_list
+from inkjet_env.experiments.learning.few_shot_tuners import best_list, kept_costs_V
 from inkjet_env.experiments.learning.heads import PARAMETERS, TRAIN_SEED, Heads, heads_with_effects, the_task
 from inkjet_env.experiments.learning.learners import labelled
 from inkjet_env.experiments.learning.recurrent_policy import (
@@ -32,6 +34,7 @@ from inkjet_env.experiments.learning.recurrent_policy import (
     KEPT,
     READ,
     RecurrentPolicy,
+    RecurrentTuner,
     features,
 )
 from inkjet_env.extras import extra
@@ -51,6 +54,8 @@ LABELLED = 400_000
 """Evaluations spent on the best waveforms of some heads, from which the list is chosen."""
 EVALUATIONS = 16_000_000
 """Evaluations of a training."""
+POLICIES, HEADS_OF_THE_CHOICE = 2, 500
+"""Policies that share the evaluations, and unseen heads on which the one with the lowest mean cost is chosen."""
 HEADS, HEADS_WITH_EFFECTS = 96, 8
 """Heads of a batch."""
 HEADS_OF_THE_FIRST = 1500
@@ -276,7 +281,20 @@ def most_telling(waveforms: Real, seed: int) -> tuple[Real, int]:
 
 
 def trained_recurrent_policy(evaluations: int, tries: int, seed: int) -> RecurrentPolicy:
-    """A policy trained with a number of evaluations, beside those for its list; ``made`` has the sum of both."""
+    """The best of some policies that share a number of evaluations, beside those for their lists and for the choice.
+
+    Its ``made`` has the sum of all evaluations.
+    """
+    policies = [_one_policy(evaluations // POLICIES, tries, seed + k) for k in range(POLICIES)]
+    unseen = TRAIN_SEED + SEEDS * (1 + seed) + SEEDS // 2  # no training draws so many
+    kept_V = [kept_costs_V(RecurrentTuner(one), HEADS_OF_THE_CHOICE, tries, unseen).mean() for one in policies]
+    spent = sum(one.made["evaluations"] for one in policies) + POLICIES * HEADS_OF_THE_CHOICE * tries
+    best = policies[int(np.argmin(kept_V))]
+    return replace(best, made={"by": "recurrent", "evaluations": spent, "tries": tries, "seed": seed})
+
+
+def _one_policy(evaluations: int, tries: int, seed: int) -> RecurrentPolicy:
+    """A policy, with the evaluations that it took."""
     torch.manual_seed(seed)
     torch.set_num_threads(1)
     random = torch.Generator().manual_seed(seed)
@@ -296,7 +314,7 @@ def trained_recurrent_policy(evaluations: int, tries: int, seed: int) -> Recurre
     episodes = max(1, evaluations // (HEADS * (tries + (tries - 1) * CANDIDATES)))
     optimiser = torch.optim.Adam(network.parameters())
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, episodes)
-    with shown_progress("recurrent policy", episodes) as progress:
+    with shown_progress(f"recurrent policy, seed {seed}", episodes) as progress:
         for episode, bench in zip(range(episodes), itertools.cycle(benches), strict=False):
             first = TRAIN_SEED + SEEDS * (1 + seed) + HEADS * episode
             loss, more = loss_of_an_episode(network, bench, tries, first, random)
@@ -307,7 +325,7 @@ def trained_recurrent_policy(evaluations: int, tries: int, seed: int) -> Recurre
             optimiser.step()
             schedule.step()
             progress(episode + 1)
-    return network.policy({"by": "recurrent", "evaluations": spent, "tries": tries, "seed": seed})
+    return network.policy({"evaluations": spent})
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -188,6 +189,22 @@ def test_training_repeats_itself_and_is_counted(monkeypatch, tmp_path, capsys):
     assert found.made["evaluations"] > 4600
     for name, value in again.arrays.items():
         assert (found.arrays[name] == value.astype(np.float32)).all()
+
+
+@pytest.mark.parametrize("better", [0, 1])
+def test_the_better_policy_is_kept_and_all_evaluations_are_counted(monkeypatch, better):
+    asked = []
+
+    def one_policy(evaluations, tries, seed):
+        asked.append((evaluations, tries, seed))
+        one = RecurrentPolicy.load() if len(asked) - 1 == better else a_network().policy({})
+        return replace(one, made={"evaluations": 10 ** len(asked)})
+
+    monkeypatch.setattr(recurrent_training, "_one_policy", one_policy)
+    found = trained_recurrent_policy(5000, 4, 30)
+    assert asked == [(2500, 4, 30), (2500, 4, 31)]
+    np.testing.assert_array_equal(found.arrays["first"], RecurrentPolicy.load().arrays["first"])
+    assert found.made == {"by": "recurrent", "evaluations": 110 + 2 * 500 * 4, "tries": 4, "seed": 30}
 
 
 def test_the_policy_of_the_package_is_better_on_new_heads_than_a_stretched_list(monkeypatch):
