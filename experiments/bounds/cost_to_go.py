@@ -30,8 +30,6 @@ from inkjet_env.typing import Real
 
 LAST_EDGE = np.int64(4)
 """Number of that segment; a number of numpy, since numba compiles a function again for each Python constant."""
-NODES = 64
-"""Largest number of nodes of the last edge."""
 
 
 @dataclass(frozen=True)
@@ -198,8 +196,9 @@ def edge_table(head, weights, ring, low_b, high_b, bounds, levels, longest_cell,
     starts = np.zeros(levels + 2, np.int64)
     for level in range(levels + 1):
         starts[level + 1] = starts[level] + (coarse << level)
-    factors, pushes = np.empty((total, NODES), np.complex128), np.empty((total, NODES), np.complex128)
-    radii, speeds, cells = np.empty((total, NODES)), np.empty((total, NODES)), np.empty(total, np.int64)
+    length = 1 + max(LEAST_CELLS, math.ceil(bounds[1] / longest_cell))
+    factors, pushes = np.empty((total, length), np.complex128), np.empty((total, length), np.complex128)
+    radii, speeds, cells = np.empty((total, length)), np.empty((total, length)), np.empty(total, np.int64)
     shortest, longest = np.empty(total), np.empty(total)
     b, radius_b = 0.5 * (low_b + high_b), 0.5 * (high_b - low_b)
     for level in range(levels + 1):
@@ -212,7 +211,7 @@ def edge_table(head, weights, ring, low_b, high_b, bounds, levels, longest_cell,
                 head, b, radius_b, shortest[piece], longest[piece], longest_cell, factors[piece], pushes[piece],
                 radii[piece], speeds[piece],
             )  # fmt: skip
-    nodes = np.zeros((NODES, NODE_COLUMNS))
+    nodes = np.zeros((length, NODE_COLUMNS))
     to_go, found, open_pieces = np.empty(3), np.empty((total, 3)), np.empty(total, np.int64)
     for label in range(-1, table.shape[0]):
         for angle in range(angles):

@@ -44,16 +44,16 @@ class Settings:
         *(0.0, 0.2, 0.4, 0.5, 0.6),
         *(0.62 + 0.02 * k for k in range(9)),
         *(0.8 + 0.01 * k for k in range(20)),
-        1.0,
+        *(0.995, 0.998, 1.0),
     )
     angles: int = 640
     turn: int = 60
     table_levels: int = 4
     table_step: float = 0.35
     pieces: int = 10
-    thresholds: tuple[float, float] = (0.5, 0.5)
-    steps: tuple[float, float] = (0.02, 0.5)
-    finest: float = 12.0
+    thresholds: tuple[float, float] = (0.05, 1.0)
+    steps: tuple[float, float] = (0.1, 0.5)
+    finest: float = 20.0
     deepest: int = 100
     most: int = 200_000_000
 
@@ -65,7 +65,7 @@ TABLES = {
         voltages=(
             *(0.0, 0.3, 0.5, 0.6, 0.66, 0.72, 0.76, 0.8),
             *(0.82 + 0.02 * k for k in range(9)),
-            1.0,
+            *(0.99, 0.996, 1.0),
         ),
         angles=320,
         turn=30,
