@@ -11,8 +11,9 @@ import pytest
 from inkjet_env.experiments.benchmark.problem import Problem, Spread
 from inkjet_env.experiments.bounds import search, summary
 from inkjet_env.experiments.bounds.box_bound import WINDOW_COLUMNS, whole_bound
-from inkjet_env.experiments.bounds.cost_to_go import ring_down
+from inkjet_env.experiments.bounds.cost_to_go import Grid, edge_table, ring_down
 from inkjet_env.experiments.bounds.head_numbers import OMEGA, SIGMA, head_numbers, polynomial_range
+from inkjet_env.experiments.bounds.table_cells import CELL_COLUMNS, DONE, LEVELS, look_up
 from inkjet_env.experiments.bounds.task import Settings, task_of
 from inkjet_env.experiments.bounds.trajectory import NODE_COLUMNS, PARAMETERS, Y, follow
 from inkjet_env.experiments.bounds.tree import PROVEN
@@ -132,6 +133,41 @@ def test_limits_of_the_largest_extremum_leave_out_only_others():
                     assert bound <= one.cost() + 1e-9
             left_out += bound > 1e200
     assert left_out > 50
+
+
+@pytest.mark.parametrize("longest_us", [20.0, 40.0])
+def test_nothing_after_the_dwell_costs_less_than_its_table(longest_us):
+    rng = np.random.default_rng(4)
+    ring, grid = ring_down(ROW, WEIGHTS, 80.0 + longest_us, 350.0), Grid(64, 8, largest=30.0)
+    shape, shortest_us = (grid.angles, grid.step(ROW), grid.smallest), longest_us - 2.0
+    table, inner = np.full((grid.labels(ROW), grid.angles, 3), np.inf), np.zeros(3)
+    edge_table(
+        ROW,
+        WEIGHTS,
+        ring,
+        49.0,
+        51.0,
+        (shortest_us, longest_us),
+        2,
+        0.35,
+        shape,
+        (0.0, 100.0),
+        (DONE, DONE),
+        table,
+        inner,
+    )
+    nodes, end, reach = scratch()[:3]
+    cells, shares = np.zeros((10, CELL_COLUMNS)), []
+    for _ in range(50):
+        point = LOWER + (UPPER - LOWER) * rng.random(7)
+        point[1], point[6] = rng.uniform(49.0, 51.0), rng.uniform(shortest_us, longest_us)
+        follow(ROW, 4, point, point, 0.02, 0.5, nodes, end, reach)
+        assert look_up(ROW, (table,) * LEVELS, inner, shape, end[0], 1e-9, 12.0, cells, np.int64(0)) >= 1
+        found = response_to(point)
+        paid = np.abs(found.peaks_V[1e6 * found.peak_times_s > point[2:6].sum()]).sum()
+        assert cells[0, 3 + DONE] <= paid + 1e-9
+        shares.append(cells[0, 3 + DONE] / paid)
+    assert np.median(shares) > 0.5
 
 
 def test_a_polynomial_lies_within_its_range():
