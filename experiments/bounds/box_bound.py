@@ -65,9 +65,11 @@ def prefix_bound(
     steps : tuple of two floats
         Shortest and longest distance of nodes, in µs.
     levels : tuple of arrays
-        Tables for the ranges of U2, stacked.
-    inners, low_b, high_b : ndarray
-        Cost to go near 0, shape (ranges, 3), and the ranges of −U2 in volts, shape (ranges,).
+        Tables for the ranges of U2 and their unions, stacked as by `tables.with_unions`.
+    inners : ndarray, shape (ranges and unions, 3)
+        Cost to go near 0.
+    low_b, high_b : ndarray, shape (ranges,)
+        The ranges of −U2 in volts, in order.
     finest : float
         Number of cells of a table across the disc of ``z``.
     nodes, end, reach, to_go, windows, cells : ndarray
@@ -76,13 +78,23 @@ def prefix_bound(
     last = follow(head, segments, low, high, steps[0], steps[1], nodes, end, reach)
     if last < 0:
         return NOTHING
-    count = np.int64(0)
-    for k in range(low_b.size):
-        if low_b[k] <= high[1] and high_b[k] >= low[1]:
-            some = (levels[0][k], levels[1][k], levels[2][k], levels[3][k], levels[4][k], levels[5][k])
-            count = look_up(head, some, inners[k], grid, end[0], reach[0], finest, cells, count)
-            if count < 0:
-                return NOTHING
+    # The ranges from a to b are looked up as few unions: one at an odd a or an even b is its own, the rest are pairs.
+    a, b = np.int64(0), np.int64(low_b.size - 1)
+    while a < b and high_b[a] <= low[1]:
+        a += 1
+    while a < b and low_b[b] >= high[1]:
+        b -= 1
+    count, start, size = np.int64(0), np.int64(0), np.int64(low_b.size)
+    while a <= b:
+        if a % 2 == 1:
+            count = _add_cells(head, levels, inners, start + a, grid, end[0], reach[0], finest, cells, count)
+            a += 1
+        if b % 2 == 0 and a <= b:
+            count = _add_cells(head, levels, inners, start + b, grid, end[0], reach[0], finest, cells, count)
+            b -= 1
+        if count < 0:
+            return NOTHING
+        a, b, start, size = a // 2, b // 2, start + size, (size + 1) // 2
     radius = 0.5 * (high - low)
     known = sign_of(nodes[last])
     found = NEVER
@@ -95,6 +107,15 @@ def prefix_bound(
             if found < target:
                 break
     return found
+
+
+@njit(cache=True)
+def _add_cells(head, levels, inners, k, grid, z, radius, finest, cells, count):
+    """`look_up` in the table of one range or union; −1 stays −1."""
+    if count < 0:
+        return count
+    some = (levels[0][k], levels[1][k], levels[2][k], levels[3][k], levels[4][k], levels[5][k])
+    return look_up(head, some, inners[k], grid, z, radius, finest, cells, count)
 
 
 @njit(cache=True)

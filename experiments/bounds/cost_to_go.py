@@ -28,6 +28,8 @@ from inkjet_env.experiments.bounds.trajectory import (
 from inkjet_env.experiments.bounds.windows import NEVER, pass_all
 from inkjet_env.typing import Real
 
+BLOCK = 4
+"""Cells of a block, along either axis; a divisor of half the cells of a turn."""
 LAST_EDGE = np.int64(4)
 """Number of that segment; a number of numpy, since numba compiles a function again for each Python constant."""
 
@@ -84,12 +86,23 @@ def ring_down(head, weights, longest_waveform, window):
 
 
 @njit(cache=True)
-def last_edge(head, b, radius_b, shortest, longest, longest_cell, factors, pushes, radii, speeds):
-    """Fill factor and push of ``z`` at the nodes of the last edge, and the radius of the push; return their number.
+def last_edge(head, b, radius_b, shortest, longest, longest_cell, courses, spreads):
+    """Fill how ``z`` at the nodes of the last edge depends on that at its start; return the number of cells.
 
-    ``speeds`` is filled with bounds of the speed of the hysteretic drive before each node, in V/µs.
-
-    The edge lasts from ``shortest`` to ``longest`` µs, and starts at −b within ``radius_b``.
+    Parameters
+    ----------
+    head : ndarray
+        `head_numbers`.
+    b, radius_b : float
+        The edge starts at −b within a radius, in volts.
+    shortest, longest, longest_cell : float
+        Limits of its duration, and of the distance of its nodes, in µs.
+    courses : ndarray of complex, shape (nodes, 4)
+        Filled with factor and push at the duration in the middle, and by how much they change to the longest one to
+        first order.
+    spreads : ndarray, shape (nodes, 4)
+        Filled with what is added to the radius of ``z``: for each volt of ``z`` at the start, and of its radius there,
+        and in volts; and with a bound of the speed of the hysteretic drive before the node, in V/µs.
     """
     sigma, gain = head[SIGMA], head[GAIN]
     pole = complex(-sigma, head[OMEGA])
@@ -98,66 +111,79 @@ def last_edge(head, b, radius_b, shortest, longest, longest_cell, factors, pushe
     found = np.zeros(5)
     part = np.empty(4, np.complex128)
     moments(head, LAST_EDGE, 0.0, b, 0.0, radius_b, longest, found)
-    factors[0], pushes[0], radii[0] = 1.0, 0.0, 0.0
+    courses[0], spreads[0] = 0.0, 0.0
+    courses[0, 0], spreads[0, 1] = 1.0, 1.0
     step = np.exp(pole * duration / cells)
-    area, leaning = 0.0, 0.0
+    quadratic = 0.5 * (abs(pole) * radius) ** 2
+    square = np.zeros(3)
+    push_at, change_at = 0j, 0j
     for cell in range(cells):
         begin, stop = cell / cells, (cell + 1) / cells
         push(head, LAST_EDGE, 0.0, b, duration, begin, stop, part)
-        speeds[cell + 1] = fastest(head, LAST_EDGE, 0.0, b, 0.0, radius_b, begin, stop)[0] / shortest
-        factors[cell + 1] = step * factors[cell]
-        pushes[cell + 1] = step * pushes[cell] + part[0]
-        # The push up to θ changes with the duration by at most |λ| ∫ (θ − s) |w(s)| ds.
+        # in the duration: of all before, which turns on for longer, and of the push in this cell
+        change_at = step * (change_at + pole / cells * push_at) + part[1]
+        push_at = step * push_at + part[0]
+        factor = step * courses[cell, 0]
+        courses[cell + 1, 0], courses[cell + 1, 1] = factor, push_at
+        courses[cell + 1, 2], courses[cell + 1, 3] = radius * pole * stop * factor, radius * change_at
+        # The second derivative of the push up to θ is at most |λ|² ∫ (θ − s)² |w(s)| ds.
         for k in range(GAUSS.size):
             theta = begin + GAUSS[k] * (stop - begin)
             w, _, _ = speed(head, LAST_EDGE, 0.0, b, theta)
-            area += WEIGHT[k] * (stop - begin) * abs(w)
-            leaning += WEIGHT[k] * (stop - begin) * abs(w) * theta
-        volts = found[3] + found[4]
-        early = 1.01 * (stop * area - leaning) + stop * volts
-        radii[cell + 1] = gain * (abs(pole) * radius * early + volts)
+            for power in range(3):
+                square[power] += WEIGHT[k] * (stop - begin) * abs(w) * theta**power
+        bent = 1.01 * (stop * stop * square[0] - 2.0 * stop * square[1] + square[2])
+        largest = abs(factor) * math.exp(sigma * radius * stop)
+        spreads[cell + 1, 0], spreads[cell + 1, 1] = quadratic * stop * stop * largest, largest
+        spreads[cell + 1, 2] = gain * (quadratic * bent + found[3] + found[4])
+        spreads[cell + 1, 3] = fastest(head, LAST_EDGE, 0.0, b, 0.0, radius_b, begin, stop)[0] / shortest
     return cells
 
 
 @njit(cache=True)
-def edge_to_go(
-    head, weights, ring, z, radius, slope, factors, pushes, radii, speeds, duration_radius, longest, cells, limits,
-    nodes, to_go,
-):  # fmt: skip
+def edge_to_go(head, weights, ring, z, radius, slope, courses, spreads, longest, cells, limits, nodes, to_go):
     """Fill ``to_go``, shape (3,), at the start of the last edge, for ``z`` within a radius and a sign of the slope.
 
-    ``limits`` are those of the largest extremum, in volts.
+    ``courses``, ``spreads`` and ``cells`` are of `last_edge`; ``limits`` are those of the largest extremum, in volts.
     """
     least, most = limits
     pole = complex(-head[SIGMA], head[OMEGA])
     size = abs(pole)
     cell = longest / cells
-    farthest = abs(z) + radius
+    magnitude = abs(z)
+    at, moved, rest = z, 0j, 0.0
     change, before = 0.0, 0.0
-    turned = size * duration_radius / cells * farthest
-    kept = math.exp(head[SIGMA] * duration_radius)
-    shrinks = abs(factors[1])
     for k in range(cells + 1):
-        at = factors[k] * z + pushes[k]
-        moved = (radius + turned * k) * kept + radii[k]
-        kept *= shrinks
+        at = courses[k, 0] * z + courses[k, 1]
+        moved = courses[k, 2] * z + courses[k, 3]
+        rest = spreads[k, 0] * magnitude + spreads[k, 1] * radius + spreads[k, 2]
         node = nodes[k]
         node[Y], node[SLOPE] = at.imag, (pole * at).imag
-        node[Y_RADIUS], node[SLOPE_RADIUS] = moved, size * moved
+        node[Y_RADIUS], node[SLOPE_RADIUS] = abs(moved.imag) + rest, abs((pole * moved).imag) + size * rest
         if k > 0:
-            fast = head[GAIN] * speeds[k]
+            fast = head[GAIN] * spreads[k, 3]
             change = (size * size * (before + fast * cell) + head[OMEGA] * fast) * cell
-        before = abs(at) + moved
+        before = _size(at) + _size(moved) + rest
         node[CELL], node[SLOPE_CHANGE] = cell, change
-    end, moved = abs(factors[cells] * z + pushes[cells]), nodes[cells, Y_RADIUS]
-    low = max(0.0, end - moved)
+    end, away = _size(at), _size(moved) + rest
+    outwards = away
+    if end > away:
+        along = (moved.real * at.real + moved.imag * at.imag) / end
+        outwards = abs(along) + rest
+    low = max(0.0, end - outwards)
     to_go[:] = NEVER
     if low * ring[2] > most:
         return
-    if end + moved >= least:
-        to_go[0] = ring[3] * (low * ring[2] if ring[3] >= 0.0 else end + moved)
+    if end + away >= least:
+        to_go[0] = ring[3] * (low * ring[2] if ring[3] >= 0.0 else end + away)
     to_go[1], to_go[2] = ring[1] * low, ring[0] * low
     pass_all(weights, nodes, cells, slope, least, most, to_go)
+
+
+@njit(cache=True)
+def _size(z):
+    """``|z|`` where its square neither over- nor underflows."""
+    return math.sqrt(z.real * z.real + z.imag * z.imag)
 
 
 @njit(cache=True, nogil=True)
@@ -187,99 +213,111 @@ def edge_table(head, weights, ring, low_b, high_b, bounds, levels, longest_cell,
     table, inner : ndarray, shapes (labels, angles, 3) and (3,)
         Filled in volts: for every cell, and for everything nearer to 0.
     """
-    first, final = modes
-    sigma, omega, _gain = head[SIGMA], head[OMEGA], head[GAIN]
     angles, width, smallest = grid
-    turn = 2.0 * math.pi / angles
+    lean, turn = head[SIGMA] / head[OMEGA], 2.0 * math.pi / angles
     coarse = max(1, math.ceil(bounds[1] - bounds[0]))
     total = coarse * ((1 << (levels + 1)) - 1)
     starts = np.zeros(levels + 2, np.int64)
     for level in range(levels + 1):
         starts[level + 1] = starts[level] + (coarse << level)
     length = 1 + max(LEAST_CELLS, math.ceil(bounds[1] / longest_cell))
-    factors, pushes = np.empty((total, length), np.complex128), np.empty((total, length), np.complex128)
-    radii, speeds, cells = np.empty((total, length)), np.empty((total, length)), np.empty(total, np.int64)
-    shortest, longest = np.empty(total), np.empty(total)
+    courses, spreads = np.empty((total, length, 4), np.complex128), np.empty((total, length, 4))
+    cells, longest = np.empty(total, np.int64), np.empty(total)
     b, radius_b = 0.5 * (low_b + high_b), 0.5 * (high_b - low_b)
     for level in range(levels + 1):
         for k in range(coarse << level):
             piece = starts[level] + k
             share = (bounds[1] - bounds[0]) / (coarse << level)
-            shortest[piece] = bounds[0] + share * k
             longest[piece] = bounds[0] + share * (k + 1)
             cells[piece] = last_edge(
-                head, b, radius_b, shortest[piece], longest[piece], longest_cell, factors[piece], pushes[piece],
-                radii[piece], speeds[piece],
-            )  # fmt: skip
-    nodes = np.zeros((length, NODE_COLUMNS))
-    to_go, found, open_pieces = np.empty(3), np.empty((total, 3)), np.empty(total, np.int64)
-    for label in range(-1, table.shape[0]):
-        for angle in range(angles):
-            if label < 0:
-                if angle > 0:
-                    break
-                z, radius, slope = 0j, smallest, 0
-            else:
-                u = (angle + 0.5) * turn
-                slope = -1 if 2 * angle < angles else 1
-                magnitude = smallest * math.exp((label + 0.5) * width - sigma / omega * u)
-                z = magnitude * np.exp(1j * (u + 0.5 * math.pi - math.atan2(sigma, omega)))
-                # half a diagonal of the cell: it is ``width`` and its lean long, and ``turn`` wide
-                radius = 1.03 * magnitude * math.hypot(math.exp(0.5 * (width + sigma / omega * turn)) - 1.0, 0.5 * turn)
-            count = 0
+                head, b, radius_b, bounds[0] + share * k, longest[piece], longest_cell, courses[piece], spreads[piece]
+            )
+    pieces = courses, spreads, longest, cells
+    room = np.zeros((length, NODE_COLUMNS)), np.empty(3)
+    about, found = np.empty((coarse, 3)), np.empty((total, 3))
+    open_pieces, known = np.empty(total, np.int64), np.empty(total, np.bool_)
+    found[:coarse] = -NEVER
+    _least_of(
+        head, weights, ring, 0j, smallest, 0, pieces, limits, room, modes, starts, found, open_pieces, known, inner
+    )
+    # What every piece costs at least is found for a block of cells first: in most cells few pieces can be the least.
+    outside = _share_of_cell(BLOCK, width, lean * turn, turn)
+    share = _share_of_cell(1, width, lean * turn, turn)
+    for label_block in range(0, table.shape[0], BLOCK):
+        for angle_block in range(0, angles, BLOCK):
+            slope = -1 if 2 * angle_block < angles else 1
+            z = _centre(label_block + 0.5 * BLOCK, angle_block + 0.5 * BLOCK, smallest, width, lean, turn)
             for piece in range(coarse):
-                _edge_piece(
-                    head, weights, ring, z, radius, slope, factors, pushes, radii, speeds, shortest, longest, cells,
-                    limits, nodes, to_go, piece,
-                )  # fmt: skip
-                found[piece] = to_go
-                open_pieces[count] = piece
-                count += 1
-            while True:
-                halved = -1
-                for mode in range(first, final + 1):
-                    least, at = NEVER, -1
-                    for k in range(count):
-                        if found[open_pieces[k], mode] < least:
-                            least, at = found[open_pieces[k], mode], k
-                    if at >= 0 and open_pieces[at] < starts[levels]:
-                        halved = at
-                        break
-                if halved < 0:
-                    break
-                piece = open_pieces[halved]
-                level = 0
-                while piece >= starts[level + 1]:
-                    level += 1
-                child = starts[level + 1] + 2 * (piece - starts[level])
-                for one in range(child, child + 2):
-                    _edge_piece(
-                        head, weights, ring, z, radius, slope, factors, pushes, radii, speeds, shortest, longest, cells,
-                        limits, nodes, to_go, one,
+                _edge_piece(head, weights, ring, z, outside * abs(z), slope, pieces, limits, room, piece)
+                about[piece] = room[1]
+            for label in range(label_block, min(label_block + BLOCK, table.shape[0])):
+                for angle in range(angle_block, angle_block + BLOCK):
+                    z = _centre(label + 0.5, angle + 0.5, smallest, width, lean, turn)
+                    found[:coarse] = about
+                    _least_of(
+                        head, weights, ring, z, share * abs(z), slope, pieces, limits, room, modes, starts, found,
+                        open_pieces, known, table[label, angle],
                     )  # fmt: skip
-                    for mode in range(first, final + 1):
-                        found[one, mode] = max(to_go[mode], found[piece, mode])
-                open_pieces[halved] = child
-                open_pieces[count] = child + 1
-                count += 1
-            for mode in range(first, final + 1):
-                least = NEVER
-                for k in range(count):
-                    least = min(least, found[open_pieces[k], mode])
-                if label < 0:
-                    inner[mode] = least
-                else:
-                    table[label, angle, mode] = least
 
 
 @njit(cache=True)
-def _edge_piece(
-    head, weights, ring, z, radius, slope, factors, pushes, radii, speeds, shortest, longest, cells, limits, nodes,
-    to_go, piece,
+def _centre(label, angle, smallest, width, lean, turn):
+    """``z`` in volts at a place on the grid, in cells."""
+    u = angle * turn
+    return smallest * math.exp(label * width - lean * u) * np.exp(1j * (u + 0.5 * math.pi - math.atan(lean)))
+
+
+@njit(cache=True)
+def _share_of_cell(size, width, leaning, turn):
+    """How far the corners of so many cells along either axis are from their centre at most, relative to its size."""
+    outwards = math.exp(0.5 * size * (width + leaning))
+    return math.hypot(outwards - 1.0, outwards * 0.5 * size * turn)
+
+
+@njit(cache=True)
+def _least_of(
+    head, weights, ring, z, radius, slope, pieces, limits, room, modes, starts, found, open_pieces, known, least
 ):  # fmt: skip
+    """Fill ``least`` with the least cost to go over all durations, from lower bounds ``found`` for the longest pieces.
+
+    The piece with the least bound is bounded for this disc, if that is not ``known`` yet, or else halved.
+    """
+    count = starts[1]
+    known[:count] = False
+    for piece in range(count):
+        open_pieces[piece] = piece
+    for mode in range(modes[0], modes[1] + 1):
+        while True:
+            at = 0
+            for k in range(1, count):
+                if found[open_pieces[k], mode] < found[open_pieces[at], mode]:
+                    at = k
+            piece = open_pieces[at]
+            if found[piece, mode] >= NEVER or (known[piece] and piece >= starts[-2]):
+                break
+            if not known[piece]:
+                _edge_piece(head, weights, ring, z, radius, slope, pieces, limits, room, piece)
+                for one in range(3):
+                    found[piece, one] = max(found[piece, one], room[1][one])
+                known[piece] = True
+                continue
+            level = 0
+            while piece >= starts[level + 1]:
+                level += 1
+            child = starts[level + 1] + 2 * (piece - starts[level])
+            found[child], found[child + 1] = found[piece], found[piece]
+            known[child] = known[child + 1] = False
+            open_pieces[at], open_pieces[count] = child, child + 1
+            count += 1
+        least[mode] = found[open_pieces[at], mode]
+
+
+@njit(cache=True)
+def _edge_piece(head, weights, ring, z, radius, slope, pieces, limits, room, piece):
+    courses, spreads, longest, cells = pieces
     edge_to_go(
-        head, weights, ring, z, radius, slope, factors[piece], pushes[piece], radii[piece], speeds[piece],
-        0.5 * (longest[piece] - shortest[piece]), longest[piece], cells[piece], limits, nodes, to_go,
+        head, weights, ring, z, radius, slope, courses[piece], spreads[piece], longest[piece], cells[piece], limits,
+        room[0], room[1],
     )  # fmt: skip
 
 

@@ -70,7 +70,7 @@ class Search:
         self.folder, self.threads, self.bound_V = folder, threads, bound_V
         self.settings = settings or Settings()
         self.task = task_of(one)
-        self.parts = parts_of(self.task, bound_V, self.settings.width)
+        self.parts = parts_of(self.task, bound_V, self.settings.width, self.settings.growth)
         self.influence = influences(self.task.head, self.task.lower, self.task.upper)
         self.stop = np.zeros(1, np.int64)
         self.header = {

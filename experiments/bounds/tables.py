@@ -84,7 +84,7 @@ class Tables:
         self._each(f"tables for {limits[0]:.3f} to {limits[1]:.3f} V", lambda k: self._for_part(k, limits))
         near_dwell = self.inner.copy()
         near_dwell[:, 1] = self.inner[:, 1:].min(axis=1)
-        return _levels(self.dwell), _levels(self.edge), near_dwell, self.inner.copy()
+        return _levels(self.dwell), _levels(self.edge), with_unions(near_dwell), with_unions(self.inner)
 
     def _for_part(self, k: int, limits: tuple[float, float]) -> None:
         task, table, dwell = self.task, np.empty(self.edge.shape[1:]), np.empty(self.edge.shape[1:])
@@ -125,9 +125,20 @@ def _rounded_down(values: Real) -> NDArray[np.float32]:
     return np.nextafter(found, np.float32(-np.inf), where=np.isfinite(found), out=found)
 
 
-def _levels(tables: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
-    """Tables and ever coarser ones, for `cost_to_go.look_up`."""
+def with_unions(tables: NDArray[Any]) -> NDArray[Any]:
+    """Tables of ranges along the first axis; after them those of their unions by twos, then of these, to a single one.
+
+    The cost to go of a union is the least of its ranges'; a last range without a partner stands alone.
+    """
     found = [tables]
+    while len(found[-1]) > 1:
+        found.append(np.minimum.reduceat(found[-1], np.arange(0, len(found[-1]), 2), axis=0))
+    return np.concatenate(found)
+
+
+def _levels(tables: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
+    """Tables of ranges and unions and ever coarser ones, for `table_cells.look_up`."""
+    found = [with_unions(tables)]
     for _ in range(LEVELS - 1):
         found.append(np.array([coarser(one) for one in found[-1]]))
     return tuple(found)

@@ -23,8 +23,9 @@ class Settings:
 
     Attributes
     ----------
-    width : float
-        Width of a part in the largest extremum, relative to it.
+    width, growth : float
+        Width of the first part in the largest extremum, relative to it, and by what factor each is wider than the one
+        before: the higher the extremum, the fewer waveforms have it.
     voltages : tuple of floats
         Ends of the ranges of −U2 of the tables, from 0 to 1 within its bounds.
     angles, turn : int
@@ -39,19 +40,20 @@ class Settings:
         Largest number of halvings of a piece, and of its boxes.
     """
 
-    width: float = 0.04
+    width: float = 0.06
+    growth: float = 1.2
     voltages: tuple[float, ...] = (
-        *(0.0, 0.2, 0.4, 0.5, 0.6),
-        *(0.62 + 0.02 * k for k in range(9)),
-        *(0.8 + 0.01 * k for k in range(20)),
-        *(0.995, 0.998, 1.0),
+        *(k / 8 for k in range(2)),
+        *(0.25 + k / 32 for k in range(16)),
+        *(0.75 + k / 64 for k in range(16)),
+        *(127 / 128, 255 / 256, 511 / 512, 1.0),
     )
     angles: int = 640
     turn: int = 60
-    table_levels: int = 4
-    table_step: float = 0.35
+    table_levels: int = 5
+    table_step: float = 0.2
     pieces: int = 10
-    thresholds: tuple[float, float] = (0.05, 1.0)
+    thresholds: tuple[float, float] = (0.1, 1.0)
     steps: tuple[float, float] = (0.1, 0.5)
     finest: float = 20.0
     deepest: int = 100
@@ -60,17 +62,7 @@ class Settings:
 
 TABLES = {
     "fine": Settings(),
-    "coarse": Settings(
-        width=0.08,
-        voltages=(
-            *(0.0, 0.3, 0.5, 0.6, 0.66, 0.72, 0.76, 0.8),
-            *(0.82 + 0.02 * k for k in range(9)),
-            *(0.99, 0.996, 1.0),
-        ),
-        angles=320,
-        turn=30,
-        table_levels=3,
-    ),
+    "coarse": Settings(angles=320, turn=30, table_step=0.35),
 }
 """Settings by their name: fine tables take several times as long and let a bound come nearer to the least cost."""
 
@@ -144,9 +136,16 @@ def task_of(one: Problem) -> Task:
     return Task(head_numbers(head), (float(cost.A), float(cost.B)), lower, upper, window)
 
 
-def parts_of(task: Task, bound_V: float, width: float) -> list[tuple[float, float]]:
-    """Ranges of the largest extremum in volts: from where nothing can cost less, to the highest of all."""
+def parts_of(task: Task, bound_V: float, width: float, growth: float) -> list[tuple[float, float]]:
+    """Ranges of the largest extremum in volts: from where nothing can cost less, to the highest of all.
+
+    ``width`` and ``growth`` are as for `Settings`.
+    """
     least = bound_V / task.weights[0]
-    count = max(1, math.ceil(math.log(task.highest / least) / width)) if task.highest > least else 0
-    ends = [least * (task.highest / least) ** (k / count) for k in range(count + 1)] if count else []
-    return list(itertools.pairwise(ends))
+    extent = math.log(task.highest / least)
+    ends = [0.0]
+    while ends[-1] < extent:
+        ends.append(ends[-1] + width)
+        width *= growth
+    volts = [least * math.exp(end * extent / ends[-1]) for end in ends] if extent > 0 else []
+    return list(itertools.pairwise([*volts[:-1], task.highest] if volts else []))

@@ -91,7 +91,7 @@ def prove(
     """
     nodes, end, reach = np.zeros((20000, NODE_COLUMNS)), np.zeros(1 + PARAMETERS, np.complex128), np.zeros(2)
     to_go, windows = np.zeros(3), np.zeros((80, WINDOW_COLUMNS))
-    cells = np.zeros((4000, CELL_COLUMNS))
+    cells = np.zeros((20000, CELL_COLUMNS))
     lows, highs = np.empty((deepest + 2, PARAMETERS)), np.empty((deepest + 2, PARAMETERS))
     depths, starts = np.zeros(deepest + 2, np.int64), np.zeros(deepest + 2, np.int64)
     lows[0], highs[0], starts[0] = lower, upper, DWELL

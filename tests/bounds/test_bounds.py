@@ -4,17 +4,19 @@ import json
 import lzma
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from inkjet_env.experiments.benchmark.problem import Problem, Spread
 from inkjet_env.experiments.bounds import search, summary
-from inkjet_env.experiments.bounds.box_bound import WINDOW_COLUMNS, whole_bound
+from inkjet_env.experiments.bounds.box_bound import WINDOW_COLUMNS, prefix_bound, whole_bound
 from inkjet_env.experiments.bounds.cost_to_go import Grid, edge_table, ring_down
 from inkjet_env.experiments.bounds.head_numbers import OMEGA, SIGMA, head_numbers, polynomial_range
 from inkjet_env.experiments.bounds.table_cells import CELL_COLUMNS, DONE, LEVELS, look_up
-from inkjet_env.experiments.bounds.task import Settings, task_of
+from inkjet_env.experiments.bounds.tables import Tables, with_unions
+from inkjet_env.experiments.bounds.task import Settings, parts_of, task_of
 from inkjet_env.experiments.bounds.trajectory import NODE_COLUMNS, PARAMETERS, Y, follow
 from inkjet_env.experiments.bounds.tree import PROVEN
 from inkjet_env.printhead import Bounds, PeakCost, Printhead, Waveform
@@ -168,6 +170,52 @@ def test_nothing_after_the_dwell_costs_less_than_its_table(longest_us):
         assert cells[0, 3 + DONE] <= paid + 1e-9
         shares.append(cells[0, 3 + DONE] / paid)
     assert np.median(shares) > 0.5
+
+
+def test_unions_have_the_least_of_their_ranges():
+    values = np.random.default_rng(5).normal(size=(5, 3))
+    found = with_unions(values)
+    assert len(found) == 5 + 3 + 2 + 1
+    np.testing.assert_array_equal(found[:5], values)
+    np.testing.assert_array_equal(found[5:8], [values[:2].min(axis=0), values[2:4].min(axis=0), values[4]])
+    np.testing.assert_array_equal(found[8:], [values[:4].min(axis=0), values[4], values.min(axis=0)])
+
+
+def test_no_waveform_of_a_box_costs_less_than_tables_tell(tmp_path):
+    rng = np.random.default_rng(6)
+    settings = replace(SMALL, voltages=tuple(k / 5 for k in range(6)), angles=128, turn=12, table_levels=3)
+    ready = Tables(task_of(problem_of(LOWER, UPPER)), settings, 2)
+    ready.prepare(tmp_path)
+    tables, limits, gaps = ready.for_part((0.0, 100.0)), (0.0, 100.0), []
+    room, cells = scratch(), np.zeros((5000, CELL_COLUMNS))
+    for trial in range(80):
+        segments, share = 3 + trial % 2, (1e-6, 0.01, 0.1)[trial % 3]
+        low, high = around(LOWER + (UPPER - LOWER) * rng.random(7), share)
+        if trial % 4 == 0:  # U2 over several ranges
+            low[1], high[1] = np.sort(rng.uniform(0, 100, 2))
+        low[2 + segments :], high[2 + segments :] = LOWER[2 + segments :], UPPER[2 + segments :]
+        bound = prefix_bound(
+            ROW, WEIGHTS, limits, 1e9, np.int64(segments), low, high, (0.05, 0.5), tables[segments - 3],
+            tables[segments - 1], ready.low_b, ready.high_b, ready.shape, 12.0, *room, cells,
+        )  # fmt: skip
+        costs = [response_to(low + (high - low) * rng.random(7)).cost() for _ in range(100)]
+        assert -200 < bound <= min(costs) + 1e-9
+        if share == 1e-6 and trial % 4:
+            gaps.append(min(costs) - bound)
+    assert np.median(gaps) < 20
+
+
+@pytest.mark.parametrize("growth", [1.0, 1.3])
+def test_parts_reach_from_where_nothing_can_cost_less_to_the_highest_extremum(growth):
+    task = task_of(problem_of(LOWER, UPPER))
+    parts = parts_of(task, -24.0, 0.1, growth)
+    assert parts[0][0] == pytest.approx(24.0 / 5, abs=1e-12)
+    assert parts[-1][1] == task.highest
+    widths = [math.log(high / low) for low, high in parts]
+    np.testing.assert_allclose(np.divide(widths[1:], widths[:-1]), growth)
+    assert 0.05 < widths[0] <= 0.1 + 1e-12
+    assert all(one[1] == other[0] for one, other in pairwise(parts))
+    assert parts_of(task, -5.01 * task.highest, 0.1, growth) == []
 
 
 def test_a_polynomial_lies_within_its_range():
