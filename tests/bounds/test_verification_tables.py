@@ -8,22 +8,26 @@ import numpy as np
 import pytest
 
 from inkjet_env.experiments.bounds.verification import arriving, enclosing, walking
-from inkjet_env.experiments.bounds.verification.tables import table_maker
+from inkjet_env.experiments.bounds.verification.tables import Resolution, table_maker
 from tests.bounds.verified_problem import BEST, LOWER, PROBLEM, TINY, UPPER, followed, random_waveforms, simulated
 
 RUNNING = np.zeros(1, np.int64)
+NUMBERS = (PROBLEM.k, PROBLEM.law, PROBLEM.sup1, PROBLEM.sup2)
+
+
+def made(lower, resolution, ends):
+    """Tables for ranges of the largest |extremum| between ``ends``."""
+    maker = table_maker(*NUMBERS, float(PROBLEM.peak_V), tuple(lower), tuple(UPPER), resolution)
+    with ThreadPoolExecutor(1) as pool:
+        for future in list(maker.fill_base(RUNNING, pool)):
+            future.result()
+    return {(least, most): maker.for_part(least, most, RUNNING) for least, most in pairwise(ends)}
 
 
 @pytest.fixture(scope="module")
 def tables():
-    """Tables for ranges of the largest |extremum|, which cover all values."""
-    numbers = (PROBLEM.k, PROBLEM.law, PROBLEM.sup1, PROBLEM.sup2, float(PROBLEM.peak_V))
-    made = table_maker(*numbers, tuple(LOWER), tuple(UPPER), TINY)
-    with ThreadPoolExecutor(1) as pool:
-        for future in list(made.fill_base(RUNNING, pool)):
-            future.result()
-    ends = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 7.5, 9.0, 12.0, 25.0]
-    return {(least, most): made.for_part(least, most, RUNNING) for least, most in pairwise(ends)}
+    """Tables for ranges that cover all values."""
+    return made(LOWER, TINY, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 7.5, 9.0, 12.0, 25.0])
 
 
 def cell_of(grid, ends, z, b):
@@ -77,7 +81,6 @@ def test_tables_are_below_the_costs_to_go(tables):
 def test_bounds_up_to_the_tables_are_below_the_costs_of_sampled_waveforms(tables):
     rng = np.random.default_rng(8)
     memory = walking.memory()
-    numbers = (PROBLEM.k, PROBLEM.law, PROBLEM.sup1, PROBLEM.sup2)
     shown = 0
     for i in range(40):
         size = 10 ** rng.uniform(-3, 0.3)
@@ -93,9 +96,26 @@ def test_bounds_up_to_the_tables_are_below_the_costs_of_sampled_waveforms(tables
         found = [simulated(centre + radius * np.clip(rng.uniform(-1.4, 1.4, 7), -1, 1))[:2] for _ in range(10)]
         for (least, most), of_part in tables.items():
             bound = arriving.arriving_cost(
-                dwell, centre, radius, least, most, *numbers, of_part, *memory[:12], *memory[18:]
+                dwell, centre, radius, least, most, *NUMBERS, of_part, *memory[:12], *memory[18:]
             )
             within = [cost for cost, largest in found if least <= largest <= most]
             assert all(bound <= cost + 1e-6 for cost in within)
             shown += -20 < bound < math.inf
     assert shown > 20
+
+
+@pytest.mark.parametrize(
+    ("before", "most_below_V"),
+    [(BEST[:6], 0.4), (np.array([98.41, 99.97, 1.8935, 10.4623, 13.4218, 18.2008]), 1.0)],
+    ids=["best known", "nearly at rest before the last edge"],
+)
+def test_the_tables_are_close(before, most_below_V):
+    """How often a leaf has to be halved further, and so how long a verification takes, depends on it."""
+    memory = walking.memory()
+    least = min(simulated(np.append(before, t5))[0] for t5 in [*np.linspace(1, 20, 400), BEST[6]])
+    centre, radius = np.append(before, 10.5), np.array([1e-9] * 6 + [9.5])
+    (of_part,) = made([*LOWER[:1], 98.0, *LOWER[2:]], Resolution(), [6.2, 7.2]).values()
+    bound = arriving.arriving_cost(
+        False, centre, radius, 6.2, 7.2, *NUMBERS, of_part, *memory[:12], *memory[18:]
+    )  # fmt: skip
+    assert least - most_below_V <= bound <= least

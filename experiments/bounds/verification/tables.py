@@ -58,7 +58,7 @@ class Resolution:
 
     angles: int = 384
     height: float = 0.0123
-    core_V: float = 0.25
+    core_V: float = 0.03
     step_V: float = 1.0
     levels: int = 4
 
