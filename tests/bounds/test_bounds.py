@@ -15,7 +15,7 @@ from inkjet_env.experiments.bounds.box_bound import NOTHING, WINDOW_COLUMNS, pre
 from inkjet_env.experiments.bounds.cost_to_go import Grid, edge_table, ring_down
 from inkjet_env.experiments.bounds.head_numbers import OMEGA, SIGMA, head_numbers, polynomial_range
 from inkjet_env.experiments.bounds.table_cells import CELL_COLUMNS, DONE, LEVELS, look_up
-from inkjet_env.experiments.bounds.tables import Tables, with_unions
+from inkjet_env.experiments.bounds.tables import Tables, _levels, with_unions
 from inkjet_env.experiments.bounds.task import Settings, parts_of, task_of
 from inkjet_env.experiments.bounds.trajectory import NODE_COLUMNS, PARAMETERS, Y, follow
 from inkjet_env.experiments.bounds.tree import PROVEN
@@ -198,6 +198,35 @@ def test_no_waveform_of_a_box_costs_less_than_tables_tell(tmp_path):
     assert told > 35
     assert len(gaps) == 2
     assert max(gaps) < 0.5
+
+
+@pytest.mark.parametrize("number", [1, 2, 5, 8, 9])
+def test_a_box_looks_up_the_tables_of_its_ranges_of_u2_and_of_no_other(number):
+    grid = Grid(64, 8, largest=task_of(problem_of(LOWER, UPPER)).highest)
+    ends = np.linspace(0.0, 100.0, number + 1)
+    size = (grid.labels(ROW), grid.angles, 3)
+    room, cells = scratch(), np.zeros((5000, CELL_COLUMNS))
+
+    def bound_with(values, low, high):
+        """With tables that hold the same value for all states."""
+        tables = _levels(np.array([np.full(size, value, np.float32) for value in values]))
+        inner = with_unions(np.repeat(values[:, None], 3, axis=1))
+        return prefix_bound(
+            ROW, WEIGHTS, (0.0, 100.0), 1e9, np.int64(3), low, high, (0.2, 1.0), tables, inner, ends[:-1].copy(),
+            ends[1:].copy(), (grid.angles, grid.step(ROW), grid.smallest), 12.0, *room, cells,
+        )  # fmt: skip
+
+    for first in range(number):
+        for last in range(first, number):
+            low, high = around(BEST, 1e-3)
+            low[1], high[1] = ends[first] + 1.0, ends[last + 1] - 1.0
+            within = np.zeros(number, bool)
+            within[first : last + 1] = True
+            nothing = bound_with(np.zeros(number), low, high)
+            assert bound_with(np.where(within, 0.0, -50.0), low, high) == nothing
+            for one in np.flatnonzero(within):
+                low_there = np.where(np.arange(number) == one, -50.0, 0.0)
+                assert bound_with(low_there, low, high) < nothing - 40.0
 
 
 @pytest.mark.parametrize("growth", [1.0, 1.3])
