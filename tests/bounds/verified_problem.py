@@ -32,7 +32,7 @@ def simulated(p):
 def least_cost(centre, radius, least=0.0, most=40.0):
     memory = walking.memory()
     numbers = (PROBLEM.k, PROBLEM.law, PROBLEM.sup1, PROBLEM.sup2)
-    return courses.least_cost(centre, radius, least, most, *numbers, *memory[:12])
+    return courses.least_cost(centre, radius, least, most, *numbers, *memory[:12])[0]
 
 
 def followed(p, ring_us=40.0):

@@ -134,11 +134,14 @@ def end_rest(end, err):
 @njit(nogil=True)
 def least_cost(centre, radius, least, most, k, law, sup1, sup2, z, dz, rest, seconds, cell, kind, low, high, where, err,
                short, weight):  # fmt: skip
-    """Bound from below, in V, of the costs of a box's waveforms whose largest ``|extremum|`` is in ``least … most``."""
+    """Bound from below, in V, of the costs of a box's waveforms whose largest ``|extremum|`` is in ``least … most``.
+
+    Also the number of windows of extrema, 0 where there is no bound.
+    """
     at_rest(z, dz, rest)
     n = follow(np.int64(0), np.int64(5), CELL_US, centre, radius, k, law, sup1, sup2, -1.0, z, dz, rest, seconds, cell)
     if n == 0:
-        return -math.inf
+        return -math.inf, np.int64(0)
     windows, clean = np.int64(-1), False
     for attempt in range(2):
         # the second one leaves out the time after the drive
@@ -147,7 +150,7 @@ def least_cost(centre, radius, least, most, k, law, sup1, sup2, z, dz, rest, sec
                 n, radius, k, z, dz, rest, seconds, cell, attempt == 1, kind, low, high, where, err, short
             )
     if windows < 0:
-        return -math.inf
+        return -math.inf, np.int64(0)
     end = n
     while end > 0 and cell[end - 1] == 5:
         end -= 1
@@ -172,7 +175,7 @@ def least_cost(centre, radius, least, most, k, law, sup1, sup2, z, dz, rest, sec
         if kind[i] == 1:
             largest = max(largest, low[i])
     if largest > most:
-        return math.inf
+        return math.inf, windows
     bound = math.inf
     for e in range(windows):
         if high[e] < largest or low[e] > most:
@@ -247,4 +250,4 @@ def least_cost(centre, radius, least, most, k, law, sup1, sup2, z, dz, rest, sec
             if kind[i] == 1:
                 plain += low[i]
         bound = min(bound, plain)
-    return bound - MARGIN_V
+    return bound - MARGIN_V, windows

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from inkjet_env.experiments.bounds.verification.arriving import CELLS_MOST, arriving_cost
+from inkjet_env.experiments.bounds.verification.compiling import inner
 from inkjet_env.experiments.bounds.verification.courses import SIDES, least_cost
 from inkjet_env.experiments.bounds.verification.enclosing import NODES_MOST, WINDOWS_MOST
 
@@ -26,9 +27,24 @@ FINE_DWELL_US = 0.02
 """Where no half width before a free ``t4`` is above this, in µs, ``t4`` is halved."""
 FINE_EDGE_US = 0.02
 """Where no half width before a free ``t5`` is above this, in µs, ``t5`` is halved."""
+NARROW_US = 0.2
+"""Where no half width is above this, in µs, a box is halved along the side that changes the extrema most."""
 T4, T5 = 5, 6
 # up to where a box is followed: to the table of the dwell, to that of the last edge, to the end
 TO_DWELL, TO_EDGE, TO_END = range(3)
+
+
+@inner
+def most_effective(windows, where, dz, radius):
+    """The side that changes the extrema most, and by how much all together, in V, to first order."""
+    most, side = -1.0, 0
+    for j in range(SIDES):
+        change = 0.0
+        for i in range(windows):
+            change += abs(dz[where[i], j].imag) * radius[j]
+        if change > most:
+            most, side = change, j
+    return most, side
 
 
 @njit(nogil=True, inline="always")
@@ -98,7 +114,7 @@ def check_leaf(
         if not coarse:
             tried[way] += 1
             if way == TO_END:
-                value = least_cost(
+                value, windows = least_cost(
                     centre, radius, least, most, k, law, sup1, sup2,
                     z, dz, rest, seconds, cell, kind, low, high, where, err, short, weight,
                 )  # fmt: skip
@@ -114,6 +130,8 @@ def check_leaf(
                 way, widest, side = TO_EDGE, radius[T4], T4
             elif way == TO_EDGE and widest <= FINE_EDGE_US:
                 way, widest, side = TO_END, radius[T5], T5
+            elif way == TO_END and windows > 0 and widest <= NARROW_US:
+                widest, side = most_effective(windows, where, dz, radius)
         if depths[top] >= deepest or boxes > boxes_most or widest <= 0.0:
             for j in range(SIDES):
                 failed[0, j], failed[1, j] = lows[top, j], highs[top, j]

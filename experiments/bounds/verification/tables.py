@@ -60,7 +60,7 @@ class Resolution:
     height: float = 0.0123
     core_V: float = 0.03
     step_V: float = 1.0
-    levels: int = 4
+    levels: int = 6
 
 
 class Tables(NamedTuple):
