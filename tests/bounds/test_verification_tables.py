@@ -18,10 +18,14 @@ NUMBERS = (PROBLEM.k, PROBLEM.law, PROBLEM.sup1, PROBLEM.sup2)
 def made(lower, resolution, ends):
     """Tables for ranges of the largest |extremum| between ``ends``."""
     maker = table_maker(*NUMBERS, float(PROBLEM.peak_V), tuple(lower), tuple(UPPER), resolution)
+    found = {limits: maker.part_tables() for limits in pairwise(ends)}
     with ThreadPoolExecutor(1) as pool:
-        for future in list(maker.fill_base(RUNNING, pool)):
-            future.result()
-    return {(least, most): maker.for_part(least, most, RUNNING) for least, most in pairwise(ends)}
+        submitted = list(maker.fill_base(RUNNING, pool))
+        for limits, own in found.items():
+            submitted += maker.fill_part(own, *limits, RUNNING, pool)
+    for future in submitted:
+        future.result()
+    return found
 
 
 @pytest.fixture(scope="module")

@@ -11,13 +11,12 @@ Nothing of them is kept from one check to the next.
 from __future__ import annotations
 
 import math
-import threading
 import time
-from collections.abc import Callable, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +42,7 @@ from inkjet_env.progress import shown_progress
 POLL_S = 0.2
 """How often the work is asked how far it is, in seconds."""
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 
 @dataclass
@@ -57,6 +57,8 @@ class Summary:
         Number of parts that were verified, and of all.
     boxes, leaves, divisions : int
         Number of boxes and leaves of the trees, and of further divisions of leaves.
+    bounds : tuple of 3 ints
+        How many bounds were computed: up to the dwell, up to the last edge, and up to the end.
     taken_s : float
         How long it took, in seconds.
     """
@@ -67,6 +69,7 @@ class Summary:
     boxes: int
     leaves: int
     divisions: int
+    bounds: tuple[int, int, int]
     taken_s: float
 
     @property
@@ -96,15 +99,6 @@ class Problem:
     sup1: float
     sup2: float
     peak_V: float
-
-
-@dataclass
-class _Part:
-    """How far the work on a part is."""
-
-    number: int
-    path: Path
-    counted: NDArray[np.int64] = field(default_factory=lambda: np.zeros(walking.COUNTED, np.int64))
 
 
 def problem_of(certificate: Certificate) -> Problem:
@@ -192,7 +186,7 @@ def check(
     folder : path
         Folder of the certificate.
     workers : int
-        Number of threads: they share the tables that all parts have in common, and check parts at the same time.
+        Number of threads.
     part : int, optional
         Check this part alone, counted from 0.
     resolution : Resolution, optional
@@ -212,50 +206,125 @@ def check(
     if part is not None and not 0 <= part < total:
         raise CertificateError(f"{folder / DESCRIPTION}: has no part {part}; its {total} parts count from 0.")
     numbers = range(total) if part is None else [part]
-    parts = [_Part(number, folder / part_file(number)) for number in numbers]
-    for one in parts:
-        if not one.path.is_file():
-            raise CertificateError(f"{one.path}: is missing.")
+    for number in numbers:
+        if not (path := folder / part_file(number)).is_file():
+            raise CertificateError(f"{path}: is missing.")
     stop = np.zeros(1, np.int64)
+    counted = np.zeros(walking.COUNTED, np.int64)
     with ThreadPoolExecutor(max(1, workers)) as pool:
         maker = _table_maker(certificate, problem, resolution or Resolution())
         if maker is not None:
-            with shown_progress("Verification, tables", maker.ranges) as progress:
-                _finish(maker.fill_base(stop, pool), stop, progress, lambda: "")
-        with shown_progress("Verification, parts", len(parts)) as progress:
-            submitted = [pool.submit(_check_part, certificate, problem, maker, one, stop) for one in parts]
-            _finish(
-                submitted, stop, progress, lambda: f"{sum(int(one.counted[walking.LEAVES]) for one in parts)} leaves"
-            )
-    counted = sum((one.counted for one in parts), np.zeros(walking.COUNTED, np.int64))
-    boxes, leaf_count, divisions = (int(value) for value in counted[:3])
-    return Summary(certificate.bound_V, len(parts), total, boxes, leaf_count, divisions, time.monotonic() - began_s)
+            _finish("Verification, tables for all parts", maker.fill_base(stop, pool), stop)
+        for number in numbers:
+            tables = no_tables()
+            if maker is not None:
+                tables = maker.part_tables()
+                of_part = maker.fill_part(tables, *certificate.parts[number], stop, pool)
+                _finish(f"Verification, tables for part {number}", of_part, stop)
+            one = _Part(certificate, problem, tables, number, folder / part_file(number), stop)
+            counted += sum(_finish(f"Verification, part {number}", one.pieces(pool), stop))
+    boxes, leaf_count, divisions, *bounds = (int(value) for value in counted)
+    counts = boxes, leaf_count, divisions, (bounds[0], bounds[1], bounds[2])
+    return Summary(certificate.bound_V, len(numbers), total, *counts, time.monotonic() - began_s)
 
 
-def _finish(
-    submitted: Iterable[Future[None]],
-    stop: NDArray[np.int64],
-    progress: Callable[[int, str], object],
-    told: Callable[[], str],
-) -> None:
-    """Wait until all work is done; if some of it fails, or on Ctrl-C, stop the rest."""
-    waiting: list[Future[None]] = []
+def _finish(label: str, submitted: Iterable[Future[T]], stop: NDArray[np.int64]) -> list[T]:
+    """Wait until all work is done, and return what it tells; if some of it fails, or on Ctrl-C, stop the rest."""
+    told: list[T] = []
+    waiting: list[Future[T]] = []
     try:
-        for future in submitted:
-            waiting.append(future)
+        waiting.extend(submitted)
         total = len(waiting)
-        while waiting:
-            wait(waiting, timeout=POLL_S)
-            done = [future for future in waiting if future.done()]
-            for future in done:
-                future.result()
-            waiting = [future for future in waiting if future not in done]
-            progress(total - len(waiting), told())
+        with shown_progress(label, total) as progress:
+            while waiting:
+                done = wait(waiting, timeout=POLL_S, return_when=FIRST_COMPLETED).done
+                told.extend(future.result() for future in done)
+                waiting = [future for future in waiting if future not in done]
+                progress(len(told))
     except BaseException:
         stop[0] = 1
         for future in waiting:
             future.cancel()
         raise
+    return told
+
+
+class _Part:
+    """The work on a part.
+
+    Parameters
+    ----------
+    certificate : Certificate
+    problem : Problem
+    tables : Tables
+        Tables for the part.
+    number : int
+        Its number.
+    path : Path
+        Its file.
+    stop : array of shape (1,)
+        The work ends early as soon as this is not 0.
+    """
+
+    def __init__(
+        self, certificate: Certificate, problem: Problem, tables: Tables, number: int, path: Path,
+        stop: NDArray[np.int64],
+    ) -> None:  # fmt: skip
+        self.certificate, self.number, self.path = certificate, number, path
+        of_problem = (problem.k, problem.law, problem.sup1, problem.sup2)
+        self._claim = (*certificate.parts[number], certificate.bound_V, *of_problem, tables, stop)
+
+    def pieces(self, pool: Executor) -> Iterator[Future[NDArray[np.int64]]]:
+        """See that the tree is whole, and check its leaves; a piece of work per some bytes, handed to ``pool``.
+
+        Each tells what it has counted, see `walking`.
+
+        Raises
+        ------
+        CertificateError
+            The file is no tree, or it is not whole.
+        """
+        lows, highs, top = walking.first_boxes(self.certificate.lower, self.certificate.upper)
+        failed, work = np.empty((2, walking.SIDES)), walking.memory()
+        passed = np.zeros(walking.COUNTED, np.int64)
+        for data in chunks(self.path):
+            piece = np.frombuffer(data, np.uint8)
+            to_come, before = (lows[: top + 1].copy(), highs[: top + 1].copy()), int(passed[walking.LEAVES])
+            found: Any = walking.walk(False, piece, lows, highs, top, passed, *self._claim, failed, work)
+            ended, top = int(found[0]), int(found[1])
+            if ended != walking.GOING_ON:
+                raise CertificateError(f"{self.path}: {_damage(ended, int(passed[walking.BOXES]))}")
+            yield pool.submit(self._check, piece, *to_come, before)
+        if top >= 0:
+            raise CertificateError(f"{self.path}: its tree ends before its last box.")
+
+    def _check(
+        self, piece: NDArray[np.uint8], lows: Array, highs: Array, before: int
+    ) -> NDArray[np.int64]:  # fmt: skip
+        """Check the leaves of a piece; ``lows`` and ``highs`` are the boxes to come, ``before`` the leaves passed."""
+        all_lows, all_highs, _ = walking.first_boxes(self.certificate.lower, self.certificate.upper)
+        all_lows[: len(lows)], all_highs[: len(highs)] = lows, highs
+        counted = np.zeros(walking.COUNTED, np.int64)
+        failed, work = np.empty((2, walking.SIDES)), walking.memory()
+        found: Any = walking.walk(True, piece, all_lows, all_highs, len(lows) - 1, counted, *self._claim, failed, work)
+        if found[0] == walking.NOT_SHOWN:
+            leaf = before + int(counted[walking.LEAVES])
+            names = ("U1", "−U2", "t1", "t2", "t3", "t4", "t5")
+            sides = ", ".join(f"{name} {low:.9g}…{high:.9g}" for name, low, high in zip(names, *failed, strict=True))
+            text = f"the claim of leaf {leaf} of part {self.number} could not be shown, within its box {sides} (V, µs)."
+            raise CertificateError(f"{self.path}: {text}")
+        return counted
+
+
+def _damage(ended: int, box: int) -> str:
+    """Why the walk over a part ended, as the end of a sentence."""
+    if ended == walking.AFTER_END:
+        return "something follows the end of its tree."
+    if ended == walking.NO_SUCH_BYTE:
+        return f"byte {box} is none of 0 to 7."
+    if ended == walking.NO_WIDTH:
+        return f"byte {box - 1} halves a side without width."
+    return f"byte {box - 1} is deeper than {walking.DEEPEST} halvings."
 
 
 def _table_maker(certificate: Certificate, problem: Problem, resolution: Resolution) -> TableMaker | None:
@@ -265,51 +334,3 @@ def _table_maker(certificate: Certificate, problem: Problem, resolution: Resolut
         return None
     numbers = (problem.k, problem.law, problem.sup1, problem.sup2, float(problem.peak_V))
     return table_maker(*numbers, lower, upper, resolution)
-
-
-_compiling = threading.Lock()
-
-
-def _check_part(
-    certificate: Certificate, problem: Problem, maker: TableMaker | None, part: _Part, stop: NDArray[np.int64]
-) -> None:
-    least, most = certificate.parts[part.number]
-    lows, highs, top = walking.first_boxes(certificate.lower, certificate.upper)
-    failed = np.empty((2, walking.SIDES))
-    work = walking.memory()
-    tables: Tables = no_tables() if maker is None else maker.for_part(least, most, stop)
-
-    def walk(data: NDArray[np.uint8], top: int) -> tuple[int, int]:
-        found: Any = walking.walk(
-            data, lows, highs, top, part.counted, least, most, certificate.bound_V,
-            problem.k, problem.law, problem.sup1, problem.sup2, tables, stop, failed, work,
-        )  # fmt: skip
-        return int(found[0]), int(found[1])
-
-    with _compiling:
-        walk(np.empty(0, np.uint8), top)
-    for data in chunks(part.path):
-        ended, top = walk(np.array(bytearray(data), np.uint8), top)
-        if ended == walking.STOPPED:
-            return
-        if ended != walking.GOING_ON:
-            raise CertificateError(f"{part.path}: {_refusal(ended, part, failed)}")
-    if top >= 0:
-        raise CertificateError(f"{part.path}: its tree ends before its last box.")
-
-
-def _refusal(ended: int, part: _Part, failed: Array) -> str:
-    """Why the walk over a part ended, as the end of a sentence."""
-    box = int(part.counted[walking.BOXES])
-    if ended == walking.AFTER_END:
-        return "something follows the end of its tree."
-    if ended == walking.NO_SUCH_BYTE:
-        return f"byte {box} is none of 0 to 7."
-    if ended == walking.NO_WIDTH:
-        return f"byte {box - 1} halves a side without width."
-    if ended == walking.TOO_DEEP:
-        return f"byte {box - 1} is deeper than {walking.DEEPEST} halvings."
-    names = ("U1", "−U2", "t1", "t2", "t3", "t4", "t5")
-    sides = ", ".join(f"{name} {low:.9g}…{high:.9g}" for name, low, high in zip(names, *failed, strict=True))
-    leaf = int(part.counted[walking.LEAVES])
-    return f"the claim of leaf {leaf} of part {part.number} could not be shown, within its box {sides} (V, µs)."

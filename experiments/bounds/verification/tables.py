@@ -156,16 +156,20 @@ class TableMaker:
             filled = (t.edge, t.edge_core, t.dwell, t.dwell_core)
             yield pool.submit(self._fill, which, False, np.inf, np.inf, filled, stop)
 
-    def for_part(self, least: float, most: float, stop: NDArray[np.int64]) -> Tables:
-        """The tables with the kind *to come* for a range of the largest ``|extremum|`` in V."""
-        shapes = [(len(array), 1) for array in self.tables[3:7]]
-        filled = tuple(np.full(shape, -np.inf, np.float32) for shape in shapes)
-        for which in range(self.ranges):
-            if stop[0] != 0:
-                break
-            self._fill(which, True, least, most, filled, stop)
-        edge, edge_core, dwell, dwell_core = filled
+    def part_tables(self) -> Tables:
+        """The tables with room for the kind *to come* of one part."""
+        edge, edge_core, dwell, dwell_core = (
+            np.full((len(array), 1), -np.inf, np.float32) for array in self.tables[3:7]
+        )
         return self.tables._replace(own_edge=edge, own_edge_core=edge_core, own_dwell=dwell, own_dwell_core=dwell_core)
+
+    def fill_part(
+        self, own: Tables, least: float, most: float, stop: NDArray[np.int64], pool: Executor
+    ) -> Iterator[Future[None]]:
+        """Fill the kind *to come* for a range of the largest ``|extremum|`` in V, as `fill_base` does."""
+        for which in range(self.ranges):
+            filled = (own.own_edge, own.own_edge_core, own.own_dwell, own.own_dwell_core)
+            yield pool.submit(self._fill, which, True, least, most, filled, stop)
 
     def _fill(
         self, which: int, to_come: bool, least: float, most: float, filled: tuple[Any, ...], stop: NDArray[np.int64]

@@ -1,4 +1,8 @@
-"""The tree of a part: its bytes divide the whole box in preorder into leaves, which are checked one after another."""
+"""The tree of a part: its bytes divide the whole box in preorder into leaves.
+
+A walk over some of the bytes needs no more of those before than the boxes that are still to come. So one walk may pass
+all leaves, to see that they are the whole box, while others check those of a piece each.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +32,15 @@ COUNTED = 6
 
 
 @njit(nogil=True)
-def walk(data, lows, highs, top, counted, least, most, bound, k, law, sup1, sup2, tables, stop, failed, work):
+def walk(
+    checks, data, lows, highs, top, counted, least, most, bound, k, law, sup1, sup2, tables, stop, failed, work
+):  # fmt: skip
     """Walk on over the bytes of a tree.
 
     Parameters
     ----------
+    checks : bool
+        Whether leaves are checked, or only passed.
     data : array of uint8
         The next bytes.
     lows, highs : array of shape (`DEEPEST` + 2, 7)
@@ -60,6 +68,9 @@ def walk(data, lows, highs, top, counted, least, most, bound, k, law, sup1, sup2
         counted[BOXES] += 1
         if byte == LEAF:
             counted[LEAVES] += 1
+            if not checks:
+                top -= 1
+                continue
             divisions = check_leaf(
                 lows[top], highs[top], least, most, bound, k, law, sup1, sup2, tables,
                 DIVISIONS_DEEPEST, BOXES_MOST, stop, failed, work, counted[3:],
