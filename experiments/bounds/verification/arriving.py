@@ -245,17 +245,24 @@ def minorant(kind, count, cells, n, radius, dz, rest, found):
 
 
 @inner
-def joined_least(value, slopes, table, n, radius, dz, rest):
-    """Least over the box of a linear function of the extrema before plus a table's value on arrival, in V."""
+def table_slopes(table, n, dz, slopes):
+    """Derivatives over the box of a table's linear function on arrival."""
+    for j in range(SIDES):
+        slopes[j] = table[2] * dz[n, j].real + table[3] * dz[n, j].imag
+    slopes[1] += table[4]
+
+
+@inner
+def joined_least(value, slopes, of_table, table, n, radius, rest):
+    """Least over the box of a linear function of the extrema before plus a table's value on arrival, in V.
+
+    ``slopes`` are the derivatives of both, ``of_table`` those of the table alone.
+    """
     plain = value + table[0]
     joined = value + table[1] - math.hypot(table[2], table[3]) * rest[n]
     for j in range(SIDES):
-        slope = slopes[j]
-        plain -= abs(slope) * radius[j]
-        slope += table[2] * dz[n, j].real + table[3] * dz[n, j].imag
-        if j == 1:
-            slope += table[4]
-        joined -= abs(slope) * radius[j]
+        plain -= abs(slopes[j] - of_table[j]) * radius[j]
+        joined -= abs(slopes[j]) * radius[j]
     return max(plain, joined)
 
 
@@ -277,7 +284,7 @@ def arriving_cost(dwell, centre, radius, least, most, k, law, sup1, sup2, tables
     if windows < 0:
         return -math.inf
     a, b = k[A_WEIGHT], k[B_WEIGHT]
-    slopes = np.empty(SIDES)
+    slopes, of_table = np.empty(SIDES), np.empty(SIDES)
     bound = math.inf
     for sign in range(-1, 2, 2):
         if end_sign != 0 and sign != end_sign:
@@ -330,14 +337,16 @@ def arriving_cost(dwell, centre, radius, least, most, k, law, sup1, sup2, tables
                         weight[i] = w
                     if plain < bound:
                         course = plain
+                        table_slopes(table, n, dz, of_table)
                         for free in range(2):
                             if free == 1 and e < 0:
                                 continue
+                            slopes[:] = of_table
                             value = linear_course(
-                                weight, free == 1, e, last > 4, most, k, windows, z, dz, low, high, where, err, short,
-                                slopes,
+                                weight, free == 1, e, last > 4, most, k, windows, radius, z, dz, low, high, where,
+                                err, short, slopes,
                             )  # fmt: skip
-                            course = max(course, joined_least(value, slopes, table, n, radius, dz, rest))
+                            course = max(course, joined_least(value, slopes, of_table, table, n, radius, rest))
                         bound = min(bound, course)
                     if not follows or j >= windows or kind[j] == 1:
                         break

@@ -33,8 +33,13 @@ def geometric(ratio, count):
 
 
 @inner
-def linear_course(weight, e_free, e, single, most, k, windows, z, dz, low, high, where, err, short, slopes):
-    """One course's linear function over the box: its value at the centre in V; `slopes` receives its derivatives.
+def linear_course(
+    weight, e_free, e, single, most, k, windows, radius, z, dz, low, high, where, err, short, slopes
+):  # fmt: skip
+    """One course's linear function over the box: its value at the centre in V; its derivatives are added to `slopes`.
+
+    An extremum stands for itself by its linear function, or by its least modulus where that makes the sum's least
+    greater: where it is known badly, or is near 0.
 
     Parameters
     ----------
@@ -46,10 +51,10 @@ def linear_course(weight, e_free, e, single, most, k, windows, z, dz, low, high,
         Window of the effective extremum, −1 if it is in none.
     single : bool
         Whether all of that window's weight is on one extremum, and it is not split.
+    slopes : array of shape (7,)
+        Derivatives of what else is in the sum.
     """
     value = 0.0
-    for j in range(SIDES):
-        slopes[j] = 0.0
     for i in range(windows):
         w = weight[i]
         size = w * short[i] if w >= 0.0 else -w * err[i]
@@ -65,15 +70,34 @@ def linear_course(weight, e_free, e, single, most, k, windows, z, dz, low, high,
             value -= size
             continue
         node = where[i]
-        y = z[node].imag
-        sign = 1.0 if y > 0.0 else -1.0
-        if low[i] <= 0.0 and w > 0.0:
-            reach = max(high[i], 1e-12)
-            sign = max(-1.0, min(1.0, 2.0 * y / reach))
-        value += w * sign * y - size
+        slope = w * sign_of(i, node, w, z, low, high)
+        value += slope * z[node].imag - size
         for j in range(SIDES):
-            slopes[j] += w * sign * dz[node, j].imag
+            slopes[j] += slope * dz[node, j].imag
+    for i in range(windows):
+        w = weight[i]
+        if w <= 0.0 or i == e:
+            continue
+        node = where[i]
+        slope = w * sign_of(i, node, w, z, low, high)
+        gained = w * (low[i] + short[i]) - slope * z[node].imag
+        change = gained
+        for j in range(SIDES):
+            change += (abs(slopes[j]) - abs(slopes[j] - slope * dz[node, j].imag)) * radius[j]
+        if change > 0.0:
+            value += gained
+            for j in range(SIDES):
+                slopes[j] -= slope * dz[node, j].imag
     return value
+
+
+@inner
+def sign_of(i, node, weight, z, low, high):
+    """The sign of a window's extrema, or what stands for it, between −1 and 1, where it is not known."""
+    y = z[node].imag
+    if low[i] <= 0.0 and weight > 0.0:
+        return max(-1.0, min(1.0, 2.0 * y / max(high[i], 1e-12)))
+    return 1.0 if y > 0.0 else -1.0
 
 
 @inner
@@ -89,7 +113,7 @@ def linear_least(
     """
     slopes = np.zeros(SIDES)
     value = linear_course(
-        weight, e_free, e, single, most, k, windows, z, dz, low, high, where, err, short, slopes
+        weight, e_free, e, single, most, k, windows, radius, z, dz, low, high, where, err, short, slopes
     )  # fmt: skip
     plain = value
     for j in range(SIDES):
