@@ -118,6 +118,15 @@ def test_a_missing_byte_is_refused(tmp_path, trees, part, capsys):
     refused(write(tmp_path / "c", cut, PARTS), f"part-{part:02}.xz: its tree ends before its last box", capsys)
 
 
+def test_damage_is_refused_before_the_long_work(tmp_path, monkeypatch):
+    def begun(*_):
+        raise AssertionError("The long work has begun.")
+
+    monkeypatch.setattr(checking, "_table_maker", begun)
+    with pytest.raises(CertificateError, match=r"part-01\.xz: its tree ends before its last box"):
+        check(write(tmp_path / "c", [b"\x00\x07\x07", b"\x00\x07"], PARTS))
+
+
 def test_bytes_after_the_tree_are_refused(tmp_path, capsys):
     refused(write(tmp_path / "c", [b"\x07\x07", b"\x07"], PARTS), "part-00.xz: something follows the end", capsys)
 

@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
         description="Verify a certificate that no waveform of a problem costs less than a bound.",
     )
     parser.add_argument("folder", help="folder of the certificate")
-    parser.add_argument("--workers", type=int, default=1, metavar="N", help="threads, each on a part (default: 1)")
+    parser.add_argument("--workers", type=int, default=1, metavar="N", help="number of threads (default: 1)")
     parser.add_argument("--part", type=int, metavar="K", help="verify this part only, counted from 0")
     given = parser.parse_args(arguments)
     if given.workers < 1:

@@ -13,10 +13,10 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -210,19 +210,23 @@ def check(
         if not (path := folder / part_file(number)).is_file():
             raise CertificateError(f"{path}: is missing.")
     stop = np.zeros(1, np.int64)
+    parts = [_Part(certificate, problem, number, folder / part_file(number), stop) for number in numbers]
+    for one in parts:
+        for _ in one.pieces():  # what is damaged is refused before the long work
+            pass
     counted = np.zeros(walking.COUNTED, np.int64)
     with ThreadPoolExecutor(max(1, workers)) as pool:
         maker = _table_maker(certificate, problem, resolution or Resolution())
         if maker is not None:
             _finish("Verification, tables for all parts", maker.fill_base(stop, pool), stop)
-        for number in numbers:
+        for one in parts:
             tables = no_tables()
             if maker is not None:
                 tables = maker.part_tables()
-                of_part = maker.fill_part(tables, *certificate.parts[number], stop, pool)
-                _finish(f"Verification, tables for part {number}", of_part, stop)
-            one = _Part(certificate, problem, tables, number, folder / part_file(number), stop)
-            counted += sum(_finish(f"Verification, part {number}", one.pieces(pool), stop))
+                of_part = maker.fill_part(tables, *certificate.parts[one.number], stop, pool)
+                _finish(f"Verification, tables for part {one.number}", of_part, stop)
+            checks = (pool.submit(one.check, piece, tables) for piece in one.pieces())
+            counted += sum(_finish(f"Verification, part {one.number}", checks, stop))
     boxes, leaf_count, divisions, *bounds = (int(value) for value in counted)
     counts = boxes, leaf_count, divisions, (bounds[0], bounds[1], bounds[2])
     return Summary(certificate.bound_V, len(numbers), total, *counts, time.monotonic() - began_s)
@@ -249,6 +253,25 @@ def _finish(label: str, submitted: Iterable[Future[T]], stop: NDArray[np.int64])
     return told
 
 
+class _Piece(NamedTuple):
+    """Some bytes of a tree.
+
+    Attributes
+    ----------
+    data : array of uint8
+        The bytes.
+    lows, highs : arrays of shape (boxes, 7)
+        The boxes that are still to come.
+    leaves : int
+        Number of leaves before it.
+    """
+
+    data: NDArray[np.uint8]
+    lows: Array
+    highs: Array
+    leaves: int
+
+
 class _Part:
     """The work on a part.
 
@@ -256,8 +279,6 @@ class _Part:
     ----------
     certificate : Certificate
     problem : Problem
-    tables : Tables
-        Tables for the part.
     number : int
         Its number.
     path : Path
@@ -267,53 +288,63 @@ class _Part:
     """
 
     def __init__(
-        self, certificate: Certificate, problem: Problem, tables: Tables, number: int, path: Path,
-        stop: NDArray[np.int64],
-    ) -> None:  # fmt: skip
-        self.certificate, self.number, self.path = certificate, number, path
+        self, certificate: Certificate, problem: Problem, number: int, path: Path, stop: NDArray[np.int64]
+    ) -> None:
+        self.number, self.path = number, path
+        self._box, self._stop = (certificate.lower, certificate.upper), stop
         of_problem = (problem.k, problem.law, problem.sup1, problem.sup2)
-        self._claim = (*certificate.parts[number], certificate.bound_V, *of_problem, tables, stop)
+        self._claim = (*certificate.parts[number], certificate.bound_V, *of_problem)
 
-    def pieces(self, pool: Executor) -> Iterator[Future[NDArray[np.int64]]]:
-        """See that the tree is whole, and check its leaves; a piece of work per some bytes, handed to ``pool``.
-
-        Each tells what it has counted, see `walking`.
+    def pieces(self) -> Iterator[_Piece]:
+        """The pieces of the tree, one after another, which are seen to be the whole box.
 
         Raises
         ------
         CertificateError
             The file is no tree, or it is not whole.
         """
-        lows, highs, top = walking.first_boxes(self.certificate.lower, self.certificate.upper)
-        failed, work = np.empty((2, walking.SIDES)), walking.memory()
-        passed = np.zeros(walking.COUNTED, np.int64)
+        lows, highs, top = walking.first_boxes(*self._box)
+        counted = np.zeros(walking.COUNTED, np.int64)
         for data in chunks(self.path):
-            piece = np.frombuffer(data, np.uint8)
-            to_come, before = (lows[: top + 1].copy(), highs[: top + 1].copy()), int(passed[walking.LEAVES])
-            found: Any = walking.walk(False, piece, lows, highs, top, passed, *self._claim, failed, work)
-            ended, top = int(found[0]), int(found[1])
+            boxes = lows[: top + 1].copy(), highs[: top + 1].copy()
+            piece = _Piece(np.frombuffer(data, np.uint8), *boxes, int(counted[walking.LEAVES]))
+            ended, top, _ = self._walk(False, piece.data, lows, highs, top, counted, no_tables())
             if ended != walking.GOING_ON:
-                raise CertificateError(f"{self.path}: {_damage(ended, int(passed[walking.BOXES]))}")
-            yield pool.submit(self._check, piece, *to_come, before)
+                raise CertificateError(f"{self.path}: {_damage(ended, int(counted[walking.BOXES]))}")
+            yield piece
         if top >= 0:
             raise CertificateError(f"{self.path}: its tree ends before its last box.")
 
-    def _check(
-        self, piece: NDArray[np.uint8], lows: Array, highs: Array, before: int
-    ) -> NDArray[np.int64]:  # fmt: skip
-        """Check the leaves of a piece; ``lows`` and ``highs`` are the boxes to come, ``before`` the leaves passed."""
-        all_lows, all_highs, _ = walking.first_boxes(self.certificate.lower, self.certificate.upper)
-        all_lows[: len(lows)], all_highs[: len(highs)] = lows, highs
+    def check(self, piece: _Piece, tables: Tables) -> NDArray[np.int64]:
+        """Check the leaves of a piece with tables for the part; what has been counted, see `walking`.
+
+        Raises
+        ------
+        CertificateError
+            The claim of a leaf could not be shown.
+        """
+        lows, highs, _ = walking.first_boxes(*self._box)
+        lows[: len(piece.lows)], highs[: len(piece.highs)] = piece.lows, piece.highs
         counted = np.zeros(walking.COUNTED, np.int64)
-        failed, work = np.empty((2, walking.SIDES)), walking.memory()
-        found: Any = walking.walk(True, piece, all_lows, all_highs, len(lows) - 1, counted, *self._claim, failed, work)
-        if found[0] == walking.NOT_SHOWN:
-            leaf = before + int(counted[walking.LEAVES])
+        ended, _, box = self._walk(True, piece.data, lows, highs, len(piece.lows) - 1, counted, tables)
+        if ended == walking.NOT_SHOWN:
+            leaf = piece.leaves + int(counted[walking.LEAVES])
             names = ("U1", "−U2", "t1", "t2", "t3", "t4", "t5")
-            sides = ", ".join(f"{name} {low:.9g}…{high:.9g}" for name, low, high in zip(names, *failed, strict=True))
+            sides = ", ".join(f"{name} {low:.9g}…{high:.9g}" for name, low, high in zip(names, *box, strict=True))
             text = f"the claim of leaf {leaf} of part {self.number} could not be shown, within its box {sides} (V, µs)."
             raise CertificateError(f"{self.path}: {text}")
         return counted
+
+    def _walk(
+        self, checks: bool, data: NDArray[np.uint8], lows: Array, highs: Array, top: int, counted: NDArray[np.int64],
+        tables: Tables,
+    ) -> tuple[int, int, Array]:  # fmt: skip
+        """How a walk over some bytes ended, the index of the next box, and the box that could not be shown."""
+        failed = np.empty((2, walking.SIDES))
+        found: Any = walking.walk(
+            checks, data, lows, highs, top, counted, *self._claim, tables, self._stop, failed, walking.memory()
+        )
+        return int(found[0]), int(found[1]), failed
 
 
 def _damage(ended: int, box: int) -> str:
