@@ -122,6 +122,8 @@ def test_a_study_tells_everybody_on_the_same_heads_and_the_same_again(tmp_path, 
     for name, value in small.items():
         monkeypatch.setattr(recurrent_training, name, value)
     monkeypatch.setattr(benches, "EFFECTS", 3)
+    # three heads must not stay in the cache for later tests
+    monkeypatch.setattr(benches, "_heads_with_effects", functools.cache(benches._heads_with_effects.__wrapped__))
     monkeypatch.setattr(benches, "BUDGET", 60)
     monkeypatch.setattr(few_shot, "OF_A_GRADIENT", 1)
     arguments = ["--folder", str(tmp_path), "--evaluations", "2560", "--heads", "4", "--labelling", "2"]
