@@ -110,7 +110,7 @@ def test_bounds_up_to_the_tables_are_below_the_costs_of_sampled_waveforms(tables
 
 @pytest.mark.parametrize(
     ("before", "most_below_V"),
-    [(BEST[:6], 0.4), (np.array([98.41, 99.97, 1.8935, 10.4623, 13.4218, 18.2008]), 1.0)],
+    [(BEST[:6], 0.3), (np.array([98.41, 99.97, 1.8935, 10.4623, 13.4218, 18.2008]), 0.5)],
     ids=["best known", "nearly at rest before the last edge"],
 )
 def test_the_tables_are_close(before, most_below_V):

@@ -36,15 +36,15 @@ TO_DWELL, TO_EDGE, TO_END = range(3)
 
 @inner
 def most_effective(windows, where, dz, radius):
-    """The side that changes the extrema most, and by how much all together, in V, to first order."""
-    most, side = -1.0, 0
+    """The side that changes the extrema most, to first order; −1 if none does."""
+    most, side = 0.0, -1
     for j in range(SIDES):
         change = 0.0
         for i in range(windows):
             change += abs(dz[where[i], j].imag) * radius[j]
         if change > most:
             most, side = change, j
-    return most, side
+    return side
 
 
 @njit(nogil=True, inline="always")
@@ -130,8 +130,9 @@ def check_leaf(
                 way, widest, side = TO_EDGE, radius[T4], T4
             elif way == TO_EDGE and widest <= FINE_EDGE_US:
                 way, widest, side = TO_END, radius[T5], T5
-            elif way == TO_END and windows > 0 and widest <= NARROW_US:
-                widest, side = most_effective(windows, where, dz, radius)
+            elif way == TO_END and widest <= NARROW_US:
+                effective = most_effective(windows, where, dz, radius)
+                side = effective if effective >= 0 else side
         if depths[top] >= deepest or boxes > boxes_most or widest <= 0.0:
             for j in range(SIDES):
                 failed[0, j], failed[1, j] = lows[top, j], highs[top, j]
