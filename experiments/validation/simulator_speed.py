@@ -174,7 +174,8 @@ def environments_table() -> list[tuple[str, float, float]]:
     actions = np.random.default_rng(0).uniform(-1, 1, (many, 7)).astype(np.float32)
     waveforms = Bounds().from_unit(actions)
     arguments, capacity, cost = batch.prepare(waveforms[:1], head, None, "periodic", DEFAULT_WINDOW_S, "full_memory")
-    for each in (vector, sync):
+    lanes = gymnasium.make_vec(ENV_ID, num_envs=many, vectorization_mode="vector_entry_point", lanes=True)
+    for each in (vector, lanes, sync):
         each.reset(seed=0)
 
     def steps(environment: gymnasium.Env) -> Callable[[], None]:
@@ -205,6 +206,7 @@ def environments_table() -> list[tuple[str, float, float]]:
     seconds = best_seconds(
         {
             "vector environment, N = 1024": lambda: vector.step(actions),
+            "vector environment in lanes, N = 1024": lambda: lanes.step(actions),
             "SyncVectorEnv, N = 1024": lambda: sync.step(actions),
             "step through gymnasium.make, with reset": steps(env),
             "reset alone": resets(env),

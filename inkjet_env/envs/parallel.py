@@ -14,6 +14,8 @@ from inkjet_env.typing import Real
 
 ROWS_A_PART = 64
 """Rows per part, about 0.15 ms of simulation: threads take parts as they become free, so that none waits long."""
+ROWS_A_PART_IN_LANES = 512
+"""The same in lanes, of which eight waveforms alike are side by side; such are found among many."""
 PARTS_WORTH_A_THREAD = 4
 """Number of parts that justify a further thread; starting one takes some 0.05 ms."""
 
@@ -34,7 +36,7 @@ def check_threads(threads: int | None) -> int | None:
     return threads
 
 
-def in_parts(fill: Callable[[slice], None], rows: int, threads: int | None) -> None:
+def in_parts(fill: Callable[[slice], None], rows: int, threads: int | None, rows_a_part: int = ROWS_A_PART) -> None:
     """Call ``fill`` with slices that cover all rows.
 
     Parameters
@@ -45,12 +47,14 @@ def in_parts(fill: Callable[[slice], None], rows: int, threads: int | None) -> N
         Number of rows.
     threads : int, optional
         Largest number of threads; by default the number of cores. Few rows are one slice on one thread.
+    rows_a_part : int
+        Rows of a slice.
     """
     threads = min(threads or available_cores(), rows // (ROWS_A_PART * PARTS_WORTH_A_THREAD))
     if threads < 2:
         fill(slice(None))
         return
-    parts = iter([slice(start, start + ROWS_A_PART) for start in range(0, rows, ROWS_A_PART)])
+    parts = iter([slice(start, start + rows_a_part) for start in range(0, rows, rows_a_part)])
 
     def fill_parts() -> None:
         for part in parts:
@@ -64,7 +68,9 @@ def in_parts(fill: Callable[[slice], None], rows: int, threads: int | None) -> N
             other.result()
 
 
-def simulated_costs(waveforms: Real, heads: Real, settings: tuple, capacity: int, threads: int | None = None) -> Real:
+def simulated_costs(
+    waveforms: Real, heads: Real, settings: tuple, capacity: int, threads: int | None = None, in_lanes: bool = False
+) -> Real:
     """Peak costs in volts, shape (n,), of waveforms (n, 7) on heads (1 or n rows).
 
     Parameters
@@ -76,13 +82,17 @@ def simulated_costs(waveforms: Real, heads: Real, settings: tuple, capacity: int
     settings, capacity
         As in `inkjet_env.printhead.compiled.batch_costs`.
     threads : int, optional
-        Largest number of threads; by default the number of cores. No result depends on it.
+        Largest number of threads; by default the number of cores. No result depends on it, in lanes but for its last
+        digits.
+    in_lanes : bool
+        Whether to simulate by `inkjet_env.printhead.lanes`.
 
     Returns
     -------
     ndarray, shape (n,)
         Costs in volts.
     """
+    from inkjet_env.printhead import lanes
     from inkjet_env.printhead.compiled import batch_costs
 
     costs = np.empty(len(waveforms))
@@ -90,10 +100,13 @@ def simulated_costs(waveforms: Real, heads: Real, settings: tuple, capacity: int
     def fill(part: slice) -> None:
         room = capacity
         own_heads = heads[part] if len(heads) > 1 else heads
+        if in_lanes:
+            lanes.fill_costs(waveforms[part], own_heads, settings, capacity, costs[part])
+            return
         while not batch_costs(waveforms[part], own_heads, settings, room, costs[part]):
             room *= 2
 
-    in_parts(fill, len(waveforms), threads)
+    in_parts(fill, len(waveforms), threads, ROWS_A_PART_IN_LANES if in_lanes else ROWS_A_PART)
     return costs
 
 

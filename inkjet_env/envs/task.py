@@ -380,21 +380,32 @@ class WaveformTask:
                 raise ValueError(f"action {name} {rule}; got {points[at]:.9g}{place}. {fix}")
         return np.clip(points, -1.0, 1.0)
 
+    def check_lanes(self) -> None:
+        """Raise ``ValueError`` unless costs of this task can be computed by `inkjet_env.printhead.lanes`."""
+        from inkjet_env.printhead import lanes
+
+        if self.noise or isinstance(self.printhead, AugmentedPrinthead) or not lanes.possible(self._prepared[0]):
+            raise ValueError(
+                "lanes=True needs a printhead without effects, no noise, the largest peak to be effective, "
+                'initial_state="periodic", hysteresis="full_memory" and a finite window_s.'
+            )
+
     def measure(
         self,
         waveforms: Real,
         heads: Real,
         generators: Sequence[np.random.Generator],
         threads: int | None = None,
+        in_lanes: bool = False,
     ) -> tuple[Real, Real]:
         """Fire waveforms (n, 7) on heads (1 or n rows); return costs of the readings and noise-free costs, in volts.
 
         Without noise both are the same array, and no generator is used. ``threads`` is the largest number of threads,
-        by default the number of cores; a printhead with effects is simulated on one.
+        by default the number of cores; a printhead with effects is simulated on one. ``in_lanes``: see `check_lanes`.
         """
         settings, capacity = self._prepared
         if self.noise == 0 and not isinstance(self.printhead, AugmentedPrinthead):
-            costs = simulated_costs(waveforms, heads, settings, capacity, threads)
+            costs = simulated_costs(waveforms, heads, settings, capacity, threads, in_lanes)
             return costs, costs
         readings = self.read(waveforms, heads, generators, threads)
         return readings.read_V, readings.costs_V

@@ -159,8 +159,8 @@ class VectorOfHeads(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         if restarted.any():
             self._restart(restarted)
         if over.any() and self.autoreset_mode is AutoresetMode.SAME_STEP:
-            last = zip(self._observations(), over, strict=True)
-            final = np.fromiter((row if ended else None for row, ended in last), dtype=object, count=self.num_envs)
+            final = np.full(self.num_envs, None)
+            final[over] = np.fromiter(self._observations()[over], dtype=object, count=np.count_nonzero(over))
             told = {name: _placed(values[over], over) for name, values in reported.items()}
             infos |= {"final_obs": final, "final_info": _with_masks(told, over)}
             infos |= {"_final_obs": over.copy(), "_final_info": over.copy()}

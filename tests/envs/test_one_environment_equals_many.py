@@ -100,6 +100,34 @@ def test_costs_do_not_depend_on_the_number_of_threads():
     np.testing.assert_array_equal(batch.costs(waveforms, heads), alone)
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize(
+    "options", [{}, {"context": "random", "reference": (100, -100, 1e-6, 10.5e-6, 13.7e-6, 9.8e-6, 20e-6)}]
+)
+def test_lanes_give_the_same_costs_but_for_their_last_digits(options, threads):
+    exact, fast = (
+        gymnasium.make_vec(inkjet_env.ENV_ID, num_envs=1100, threads=threads, lanes=lanes, **options)
+        for lanes in (False, True)
+    )
+    np.testing.assert_array_equal(exact.reset(seed=SEED)[0], fast.reset(seed=SEED)[0])
+    for seed in range(2):
+        actions = np.random.default_rng(seed).uniform(-1, 1, (1100, 7)).astype(np.float32)
+        (_, rewards, *_, infos), (_, others, *_, told) = exact.step(actions), fast.step(actions)
+        np.testing.assert_allclose(others, rewards, rtol=0, atol=6e-10)
+        np.testing.assert_allclose(told["cost"], infos["cost"], rtol=0, atol=3e-10)
+        np.testing.assert_array_equal(told["waveform"], infos["waveform"])
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"noise": 0.1}, {"cost": {"effective": "first"}}, {"initial_state": "demagnetised"}, {"hysteresis": "one_point"},
+     {"window_s": float("inf")}],
+)  # fmt: skip
+def test_a_task_that_lanes_cannot_simulate_is_refused(options):
+    with pytest.raises(ValueError, match=r"lanes=True needs .*no noise, the largest peak.*a finite window_s"):
+        gymnasium.make_vec(inkjet_env.ENV_ID, num_envs=3, lanes=True, **options)
+
+
 def test_waveforms_are_those_of_the_bounds():
     bounds = Bounds(lower=(20, -90, 2e-6, 1e-6, 3e-6, 1e-6, 5e-6), upper=(80, -30, 9e-6, 8e-6, 3e-6, 30e-6, 6e-6))
     env = gymnasium.make(inkjet_env.ENV_ID, bounds=bounds)
