@@ -174,7 +174,7 @@ def environments_table() -> list[tuple[str, float, float]]:
     actions = np.random.default_rng(0).uniform(-1, 1, (many, 7)).astype(np.float32)
     waveforms = Bounds().from_unit(actions)
     arguments, capacity, cost = batch.prepare(waveforms[:1], head, None, "periodic", DEFAULT_WINDOW_S, "full_memory")
-    lanes = gymnasium.make_vec(ENV_ID, num_envs=many, vectorization_mode="vector_entry_point", lanes=True)
+    lanes = gymnasium.make_vec(ENV_ID, num_envs=many, vectorization_mode="vector_entry_point", simulator="lanes")
     for each in (vector, lanes, sync):
         each.reset(seed=0)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -69,7 +70,12 @@ def in_parts(fill: Callable[[slice], None], rows: int, threads: int | None, rows
 
 
 def simulated_costs(
-    waveforms: Real, heads: Real, settings: tuple, capacity: int, threads: int | None = None, in_lanes: bool = False
+    waveforms: Real,
+    heads: Real,
+    settings: tuple,
+    capacity: int,
+    threads: int | None = None,
+    simulator: str = "scalar",
 ) -> Real:
     """Peak costs in volts, shape (n,), of waveforms (n, 7) on heads (1 or n rows).
 
@@ -84,29 +90,25 @@ def simulated_costs(
     threads : int, optional
         Largest number of threads; by default the number of cores. No result depends on it, in lanes but for its last
         digits.
-    in_lanes : bool
-        Whether to simulate by `inkjet_env.printhead.lanes`.
+    simulator : {"scalar", "lanes", "cuda"}
+        The module of `inkjet_env.printhead` that simulates: `batch`, `lanes` or `cuda`.
 
     Returns
     -------
     ndarray, shape (n,)
         Costs in volts.
     """
-    from inkjet_env.printhead import lanes
-    from inkjet_env.printhead.compiled import batch_costs
-
+    name = "batch" if simulator == "scalar" else simulator
+    fill_costs = importlib.import_module(f"inkjet_env.printhead.{name}").fill_costs
     costs = np.empty(len(waveforms))
 
     def fill(part: slice) -> None:
-        room = capacity
-        own_heads = heads[part] if len(heads) > 1 else heads
-        if in_lanes:
-            lanes.fill_costs(waveforms[part], own_heads, settings, capacity, costs[part])
-            return
-        while not batch_costs(waveforms[part], own_heads, settings, room, costs[part]):
-            room *= 2
+        fill_costs(waveforms[part], heads[part] if len(heads) > 1 else heads, settings, capacity, costs[part])
 
-    in_parts(fill, len(waveforms), threads, ROWS_A_PART_IN_LANES if in_lanes else ROWS_A_PART)
+    if simulator == "cuda":
+        fill(slice(None))
+    else:
+        in_parts(fill, len(waveforms), threads, ROWS_A_PART_IN_LANES if simulator == "lanes" else ROWS_A_PART)
     return costs
 
 

@@ -25,6 +25,8 @@ from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.typing import Real
 
 CONTEXTS = ("fixed", "random")
+SIMULATORS = ("scalar", "lanes", "cuda")
+"""What computes costs: one waveform after another, eight side by side, or thousands on a graphics processor."""
 CONTEXT_NAMES = ("frequency_Hz", "damping_ratio", "gain", "hysteresis_strength")
 """Parameters of a drawn head; gain and strength are relative to the task's head."""
 CONTEXT_LOWER = np.array([35e3, 0.03, 0.7, 0.6])
@@ -380,15 +382,33 @@ class WaveformTask:
                 raise ValueError(f"action {name} {rule}; got {points[at]:.9g}{place}. {fix}")
         return np.clip(points, -1.0, 1.0)
 
-    def check_lanes(self) -> None:
-        """Raise ``ValueError`` unless costs of this task can be computed by `inkjet_env.printhead.lanes`."""
-        from inkjet_env.printhead import lanes
+    def check_simulator(self, simulator: str) -> None:
+        """Check that one of `SIMULATORS` can compute costs of this task.
 
-        if self.noise or isinstance(self.printhead, AugmentedPrinthead) or not lanes.possible(self._prepared[0]):
-            raise ValueError(
-                "lanes=True needs a printhead without effects, no noise, the largest peak to be effective, "
-                'initial_state="periodic", hysteresis="full_memory" and a finite window_s.'
-            )
+        Raises
+        ------
+        ValueError
+            There is no simulator of this name, or it cannot.
+        RuntimeError
+            It is ``cuda``, and there is no graphics processor.
+        """
+        check_name("simulator", simulator, SIMULATORS)
+        if simulator == "scalar":
+            return
+        if self.noise or isinstance(self.printhead, AugmentedPrinthead):
+            raise ValueError(f'simulator="{simulator}" needs a printhead without effects, and noise=0.')
+        if simulator == "cuda":
+            from inkjet_env.printhead import cuda
+
+            cuda.check_device()
+        else:
+            from inkjet_env.printhead import lanes
+
+            if not lanes.possible(self._prepared[0]):
+                raise ValueError(
+                    'simulator="lanes" needs the largest peak to be effective, initial_state="periodic", '
+                    'hysteresis="full_memory" and a finite window_s.'
+                )
 
     def measure(
         self,
@@ -396,16 +416,17 @@ class WaveformTask:
         heads: Real,
         generators: Sequence[np.random.Generator],
         threads: int | None = None,
-        in_lanes: bool = False,
+        simulator: str = "scalar",
     ) -> tuple[Real, Real]:
         """Fire waveforms (n, 7) on heads (1 or n rows); return costs of the readings and noise-free costs, in volts.
 
         Without noise both are the same array, and no generator is used. ``threads`` is the largest number of threads,
-        by default the number of cores; a printhead with effects is simulated on one. ``in_lanes``: see `check_lanes`.
+        by default the number of cores; a printhead with effects is simulated on one. ``simulator`` is a checked one,
+        see `check_simulator`.
         """
         settings, capacity = self._prepared
         if self.noise == 0 and not isinstance(self.printhead, AugmentedPrinthead):
-            costs = simulated_costs(waveforms, heads, settings, capacity, threads, in_lanes)
+            costs = simulated_costs(waveforms, heads, settings, capacity, threads, simulator)
             return costs, costs
         readings = self.read(waveforms, heads, generators, threads)
         return readings.read_V, readings.costs_V

@@ -36,17 +36,20 @@ class BipolarWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[An
     threads : int, optional
         Largest number of threads that simulate; by default the number of cores. No number depends on it, and fewer
         than 512 heads are simulated on one.
-    lanes : bool
-        Whether to simulate eight heads side by side with vector instructions, by `inkjet_env.printhead.lanes`, which
-        takes a third of the time. Costs then differ from those of the single environment by up to 3e-10 V, and their
-        last digits may depend on the other heads. For a printhead without effects, read without noise.
+    simulator : {"scalar", "lanes", "cuda"}
+        ``lanes`` simulates eight heads side by side with vector instructions, by `inkjet_env.printhead.lanes`, in a
+        third of the time: costs differ from those of the single environment by up to 3e-10 V, and their last digits may
+        depend on the other heads. ``cuda`` simulates on a graphics processor, by `inkjet_env.printhead.cuda`: up to
+        1e-9 V. Both are for a printhead without effects that is read without noise.
     **options
         Options of the task; see `inkjet_env.envs.task.make_task`.
 
     Raises
     ------
     ValueError, gymnasium.error.ResetNeeded
-        As in `BipolarWaveformEnv`; or lanes cannot simulate this task.
+        As in `BipolarWaveformEnv`; or the simulator cannot compute costs of this task.
+    RuntimeError
+        The simulator is ``cuda``, and there is no graphics processor.
 
     Examples
     --------
@@ -64,17 +67,14 @@ class BipolarWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[An
         render_mode: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         threads: int | None = None,
-        lanes: bool = False,
+        simulator: str = "scalar",
         **options: Any,
     ) -> None:
         check_option_names(BipolarWaveformVectorEnv.__init__, options)
         super().__init__(num_envs, render_mode, autoreset_mode, threads)
         self.task = make_task(**options)
-        if not isinstance(lanes, (bool, np.bool_)):
-            raise ValueError(f"lanes must be True or False; got {lanes!r}.")
-        self.lanes = bool(lanes)
-        if self.lanes:
-            self.task.check_lanes()
+        self.task.check_simulator(simulator)
+        self.simulator = simulator
         self._set_spaces(self.task.action_space(), self.task.observation_space())
         self._contexts = np.tile(self.task.fixed_context, (self.num_envs, 1))
         self._heads = self.task.heads(self._contexts)
@@ -93,7 +93,7 @@ class BipolarWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[An
         waveforms = self.task.waveforms(actions, (self.num_envs, 7), rows)[rows]
         heads = self._heads[rows] if self.task.context == "random" else self._heads
         generators = self._generators_of(rows) if self.task.noise else ()
-        read, costs = self.task.measure(waveforms, heads, generators, self.threads, self.lanes)
+        read, costs = self.task.measure(waveforms, heads, generators, self.threads, self.simulator)
         self._shown[rows], self._shown_contexts = waveforms, self._contexts
         rewards = -read if self.task.reference is None else self.task.references_V(self._contexts[rows]) - read
         return rewards, np.ones(len(read), dtype=np.bool_), {"waveform": waveforms, "cost": costs}

@@ -213,9 +213,14 @@ def costs(
         waveforms, heads, cost, initial_state, window_s, hysteresis, period_s, earlier_drops
     )
     rows, table, *settings = arguments
+    fill_costs(rows, table, tuple(settings), capacity, result)
+    return result
+
+
+def fill_costs(rows: Real, table: Real, settings: tuple, capacity: int, result: Real) -> None:
+    """Fill ``result`` (n,) with costs in volts; all arguments are those that `prepare` returns."""
     while not compiled.batch_costs(rows, table, settings, capacity, result):
         capacity *= 2
-    return result
 
 
 def costs_and_gradients(

@@ -103,22 +103,34 @@ def costs(
     RuntimeError
         There is no graphics processor, and the simulator is not asked for.
     """
+    check_device()
+    arguments, capacity, result = batch.prepare(waveforms, heads, cost, initial_state, window_s, hysteresis)
+    rows, table, *settings = arguments
+    fill_costs(rows, table, tuple(settings), capacity, result)
+    return result
+
+
+def check_device() -> None:
+    """Raise ``RuntimeError`` if there is no graphics processor, and the simulator is not asked for."""
     if not (getattr(config, "ENABLE_CUDASIM", 0) or (find_spec("numba_cuda") and cuda.is_available())):
         raise RuntimeError(
             "no CUDA device is found: inkjet_env.printhead.cuda needs an NVIDIA driver and the extra cuda. "
             "Without them, inkjet_env.printhead.lanes is the fastest."
         )
-    arguments, _, result = batch.prepare(waveforms, heads, cost, initial_state, window_s, hysteresis)
-    rows, table, warm_up_periods, one_point, window, _, _, *settings = arguments
+
+
+def fill_costs(rows: Real, table: Real, settings: tuple, capacity: int, result: Real) -> None:
+    """Fill ``result`` (n,) with costs in volts, as `batch.fill_costs`; ``settings`` are those of a single drop."""
+    warm_up_periods, one_point, window_s, _, _, *cost = settings
     if len(rows):
         on_device = cuda.device_array(len(rows))
-        fire(cuda.to_device(rows), cuda.to_device(table), (warm_up_periods, one_point, window, *settings), on_device)
+        fire(cuda.to_device(rows), cuda.to_device(table), (warm_up_periods, one_point, window_s, *cost), on_device)
         on_device.copy_to_host(result)
     again = np.isnan(result)
     if again.any():
-        some = table[again] if len(table) > 1 else table
-        result[again] = batch.costs(rows[again], some, cost, initial_state, window_s, hysteresis)
-    return result
+        some, found = table[again] if len(table) > 1 else table, np.empty(np.count_nonzero(again))
+        batch.fill_costs(rows[again], some, settings, capacity, found)
+        result[again] = found
 
 
 def fire(waveforms: Any, heads: Any, settings: tuple, costs: Any) -> None:

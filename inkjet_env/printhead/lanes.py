@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inkjet_env.printhead import batch
-from inkjet_env.printhead.compiled import EFFECTIVE_LARGEST, batch_costs
+from inkjet_env.printhead.compiled import EFFECTIVE_LARGEST
 from inkjet_env.printhead.compiled_lanes import BELOW, BEYOND, SCALAR, kinds_of, lane_costs
 from inkjet_env.printhead.cost import PeakCost
 from inkjet_env.printhead.printhead import Printhead
@@ -65,10 +65,7 @@ def possible(settings: tuple) -> bool:
 
 
 def fill_costs(rows: Real, table: Real, settings: tuple, capacity: int, result: Real) -> None:
-    """Fill ``result`` (n,) with the costs in volts of checked waveforms (n, 7); the others are as in `batch.prepare`.
-
-    ``settings`` are `possible` ones.
-    """
+    """Fill ``result`` (n,) with costs in volts, as `batch.fill_costs`; ``settings`` are `possible` ones."""
     _, _, window, _, _, A, B, _, _, target_height_V = settings
     kinds, keys = np.empty(len(rows), np.int8), np.empty(len(rows), np.int16)
     levels = max(1, min(_MOST_LEVELS, int((len(rows) / _ALIKE) ** (1 / 3))))
@@ -81,6 +78,5 @@ def fill_costs(rows: Real, table: Real, settings: tuple, capacity: int, result: 
             lane_costs(rows, table, order, kind == BEYOND, window, A, B, target_height_V, result, again)
     if again.any():
         some, found = table[again] if len(table) > 1 else table, np.empty(np.count_nonzero(again))
-        while not batch_costs(rows[again], some, settings, capacity, found):
-            capacity *= 2
+        batch.fill_costs(rows[again], some, settings, capacity, found)
         result[again] = found

@@ -106,8 +106,8 @@ def test_costs_do_not_depend_on_the_number_of_threads():
 )
 def test_lanes_give_the_same_costs_but_for_their_last_digits(options, threads):
     exact, fast = (
-        gymnasium.make_vec(inkjet_env.ENV_ID, num_envs=1100, threads=threads, lanes=lanes, **options)
-        for lanes in (False, True)
+        gymnasium.make_vec(inkjet_env.ENV_ID, num_envs=1100, threads=threads, simulator=name, **options)
+        for name in ("scalar", "lanes")
     )
     np.testing.assert_array_equal(exact.reset(seed=SEED)[0], fast.reset(seed=SEED)[0])
     for seed in range(2):
@@ -124,8 +124,8 @@ def test_lanes_give_the_same_costs_but_for_their_last_digits(options, threads):
      {"window_s": float("inf")}],
 )  # fmt: skip
 def test_a_task_that_lanes_cannot_simulate_is_refused(options):
-    with pytest.raises(ValueError, match=r"lanes=True needs .*no noise, the largest peak.*a finite window_s"):
-        gymnasium.make_vec(inkjet_env.ENV_ID, num_envs=3, lanes=True, **options)
+    with pytest.raises(ValueError, match=r"simulator=\"lanes\" needs "):
+        gymnasium.make_vec(inkjet_env.ENV_ID, num_envs=3, simulator="lanes", **options)
 
 
 def test_waveforms_are_those_of_the_bounds():

@@ -23,10 +23,29 @@ for heads in (head, table):
 assert cuda.costs(rows[:0], head).shape == (0,)
 print("equal")
 """
+ENVIRONMENT = """
+import gymnasium, numpy as np
+import inkjet_env
+
+scalar, cuda = (
+    gymnasium.make_vec(inkjet_env.ENV_ID, num_envs=20, context="random", simulator=name) for name in ("scalar", "cuda")
+)
+assert np.array_equal(scalar.reset(seed=1)[0], cuda.reset(seed=1)[0])
+actions = np.random.default_rng(0).uniform(-1, 1, (20, 7)).astype(np.float32)
+_, rewards, *_, infos = cuda.step(actions)
+assert np.abs(rewards - scalar.step(actions)[1]).max() < 1e-9
+assert np.array_equal(rewards, -infos["cost"])
+print("equal")
+"""
 WITHOUT = """
 from inkjet_env.printhead import Printhead, cuda
 try:
     cuda.costs([[100, -100, 1e-6, 1e-5, 1e-5, 1e-5, 1e-5]], Printhead.published())
+except RuntimeError as error:
+    print(error)
+from inkjet_env.envs.vector import BipolarWaveformVectorEnv
+try:
+    BipolarWaveformVectorEnv(2, simulator="cuda")
 except RuntimeError as error:
     print(error)
 """
@@ -44,9 +63,16 @@ def test_costs_are_those_of_the_scalar_path():
     assert run(SCRIPT, NUMBA_ENABLE_CUDASIM="1") == "equal\n"
 
 
+def test_the_vector_environment_gets_the_same_costs_from_it():
+    assert run(ENVIRONMENT, NUMBA_ENABLE_CUDASIM="1") == "equal\n"
+
+
 def test_without_a_graphics_processor_one_sentence_says_so():
     from numba import cuda
 
     if cuda.is_available():
         pytest.skip("there is a graphics processor")
-    assert run(WITHOUT).startswith("no CUDA device is found: inkjet_env.printhead.cuda needs an NVIDIA driver")
+    lines = run(WITHOUT).splitlines()
+    assert len(lines) == 2
+    for line in lines:
+        assert line.startswith("no CUDA device is found: inkjet_env.printhead.cuda needs an NVIDIA driver")
