@@ -51,7 +51,7 @@ def in_parts(fill: Callable[[slice], None], rows: int, threads: int | None, rows
     rows_a_part : int
         Rows of a slice.
     """
-    threads = min(threads or available_cores(), rows // (ROWS_A_PART * PARTS_WORTH_A_THREAD))
+    threads = min(threads or available_cores(), rows // (rows_a_part * PARTS_WORTH_A_THREAD))
     if threads < 2:
         fill(slice(None))
         return

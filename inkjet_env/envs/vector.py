@@ -35,12 +35,12 @@ class BipolarWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[An
         When an ended episode is restarted.
     threads : int, optional
         Largest number of threads that simulate; by default the number of cores. No number depends on it, and fewer
-        than 512 heads are simulated on one.
+        than 512 heads, or 4,096 in lanes, are simulated on one.
     simulator : {"scalar", "lanes", "cuda"}
-        ``lanes`` simulates eight heads side by side with vector instructions, by `inkjet_env.printhead.lanes`, in a
-        third of the time: costs differ from those of the single environment by up to 3e-10 V, and their last digits may
-        depend on the other heads. ``cuda`` simulates on a graphics processor, by `inkjet_env.printhead.cuda`: up to
-        1e-9 V. Both are for a printhead without effects that is read without noise.
+        ``lanes`` simulates eight heads side by side with vector instructions, by `inkjet_env.printhead.lanes`, in two
+        fifths of the time: costs differ from those of the single environment by up to 3e-10 V, and their last digits
+        may depend on the other heads. ``cuda`` simulates on a graphics processor, by `inkjet_env.printhead.cuda`: up
+        to 1e-9 V. Both are for a printhead without effects that is read without noise.
     **options
         Options of the task; see `inkjet_env.envs.task.make_task`.
 

@@ -106,12 +106,12 @@ def test_costs_do_not_depend_on_the_number_of_threads():
 )
 def test_lanes_give_the_same_costs_but_for_their_last_digits(options, threads):
     exact, fast = (
-        gymnasium.make_vec(inkjet_env.ENV_ID, num_envs=1100, threads=threads, simulator=name, **options)
+        gymnasium.make_vec(inkjet_env.ENV_ID, num_envs=4100, threads=threads, simulator=name, **options)
         for name in ("scalar", "lanes")
     )
     np.testing.assert_array_equal(exact.reset(seed=SEED)[0], fast.reset(seed=SEED)[0])
     for seed in range(2):
-        actions = np.random.default_rng(seed).uniform(-1, 1, (1100, 7)).astype(np.float32)
+        actions = np.random.default_rng(seed).uniform(-1, 1, (4100, 7)).astype(np.float32)
         (_, rewards, *_, infos), (_, others, *_, told) = exact.step(actions), fast.step(actions)
         np.testing.assert_allclose(others, rewards, rtol=0, atol=6e-10)
         np.testing.assert_allclose(told["cost"], infos["cost"], rtol=0, atol=3e-10)
