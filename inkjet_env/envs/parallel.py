@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -11,8 +10,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from inkjet_env.naming import check_name
 from inkjet_env.typing import Real
 
+SIMULATORS = ("scalar", "lanes", "cuda")
+"""What computes costs: one waveform after another, eight side by side, or thousands on a graphics processor."""
 ROWS_A_PART = 64
 """Rows per part, about 0.15 ms of simulation: threads take parts as they become free, so that none waits long."""
 ROWS_A_PART_IN_LANES = 512
@@ -69,6 +71,44 @@ def in_parts(fill: Callable[[slice], None], rows: int, threads: int | None, rows
             other.result()
 
 
+def check_simulator(simulator: str, settings: tuple, costs_alone: bool) -> None:
+    """Check that one of `SIMULATORS` can compute the costs of a task.
+
+    Parameters
+    ----------
+    simulator : str
+        Its name.
+    settings : tuple
+        As in `simulated_costs`.
+    costs_alone : bool
+        Whether the costs of a printhead without effects are all that the task needs.
+
+    Raises
+    ------
+    ValueError
+        There is no simulator of this name, or it cannot.
+    RuntimeError
+        It is ``cuda``, and there is no graphics processor.
+    """
+    check_name("simulator", simulator, SIMULATORS)
+    if simulator == "scalar":
+        return
+    if not costs_alone:
+        raise ValueError(f'simulator="{simulator}" needs a printhead without effects, and noise=0.')
+    if simulator == "cuda":
+        from inkjet_env.printhead import cuda
+
+        cuda.check_device()
+        return
+    from inkjet_env.printhead import lanes
+
+    if not lanes.possible(settings):
+        raise ValueError(
+            'simulator="lanes" needs the largest peak to be effective, initial_state="periodic", '
+            'hysteresis="full_memory" and a finite window_s.'
+        )
+
+
 def simulated_costs(
     waveforms: Real,
     heads: Real,
@@ -98,8 +138,12 @@ def simulated_costs(
     ndarray, shape (n,)
         Costs in volts.
     """
-    name = "batch" if simulator == "scalar" else simulator
-    fill_costs = importlib.import_module(f"inkjet_env.printhead.{name}").fill_costs
+    if simulator == "lanes":
+        from inkjet_env.printhead.lanes import fill_costs
+    elif simulator == "cuda":
+        from inkjet_env.printhead.cuda import fill_costs
+    else:
+        from inkjet_env.printhead.batch import fill_costs
     costs = np.empty(len(waveforms))
 
     def fill(part: slice) -> None:

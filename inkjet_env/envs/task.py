@@ -16,7 +16,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from inkjet_env.envs.parallel import simulated_costs, simulated_peaks
+from inkjet_env.envs.parallel import check_simulator, simulated_costs, simulated_peaks
 from inkjet_env.plant.augmented import AugmentedPrinthead, AugmentedResponse
 from inkjet_env.plant.printhead_file import read_printhead
 from inkjet_env.printhead import Bounds, DriverLimits, PeakCost, Printhead, Response, Waveform, check_name
@@ -25,8 +25,6 @@ from inkjet_env.printhead.window import DEFAULT_WINDOW_S
 from inkjet_env.typing import Real
 
 CONTEXTS = ("fixed", "random")
-SIMULATORS = ("scalar", "lanes", "cuda")
-"""What computes costs: one waveform after another, eight side by side, or thousands on a graphics processor."""
 CONTEXT_NAMES = ("frequency_Hz", "damping_ratio", "gain", "hysteresis_strength")
 """Parameters of a drawn head; gain and strength are relative to the task's head."""
 CONTEXT_LOWER = np.array([35e3, 0.03, 0.7, 0.6])
@@ -383,32 +381,9 @@ class WaveformTask:
         return np.clip(points, -1.0, 1.0)
 
     def check_simulator(self, simulator: str) -> None:
-        """Check that one of `SIMULATORS` can compute costs of this task.
-
-        Raises
-        ------
-        ValueError
-            There is no simulator of this name, or it cannot.
-        RuntimeError
-            It is ``cuda``, and there is no graphics processor.
-        """
-        check_name("simulator", simulator, SIMULATORS)
-        if simulator == "scalar":
-            return
-        if self.noise or isinstance(self.printhead, AugmentedPrinthead):
-            raise ValueError(f'simulator="{simulator}" needs a printhead without effects, and noise=0.')
-        if simulator == "cuda":
-            from inkjet_env.printhead import cuda
-
-            cuda.check_device()
-        else:
-            from inkjet_env.printhead import lanes
-
-            if not lanes.possible(self._prepared[0]):
-                raise ValueError(
-                    'simulator="lanes" needs the largest peak to be effective, initial_state="periodic", '
-                    'hysteresis="full_memory" and a finite window_s.'
-                )
+        """Check that one of `inkjet_env.envs.parallel.SIMULATORS` can compute costs of this task; see there."""
+        plain = self.noise == 0 and not isinstance(self.printhead, AugmentedPrinthead)
+        check_simulator(simulator, self._prepared[0], plain)
 
     def measure(
         self,

@@ -34,8 +34,8 @@ class BipolarWaveformVectorEnv(VectorOfHeads, VectorEnv[NDArray[Any], NDArray[An
     autoreset_mode : gymnasium.vector.AutoresetMode or {"SameStep", "NextStep", "Disabled"}
         When an ended episode is restarted.
     threads : int, optional
-        Largest number of threads that simulate; by default the number of cores. No number depends on it, and fewer
-        than 512 heads, or 4,096 in lanes, are simulated on one.
+        Largest number of threads that simulate; by default the number of cores. No number depends on it, but for the
+        last digits in lanes; fewer than 512 heads, or 4,096 in lanes, are simulated on one.
     simulator : {"scalar", "lanes", "cuda"}
         ``lanes`` simulates eight heads side by side with vector instructions, by `inkjet_env.printhead.lanes`, in two
         fifths of the time: costs differ from those of the single environment by up to 3e-10 V, and their last digits

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from inkjet_env.naming import check_name
 from inkjet_env.printhead import compiled, compiled_edges
@@ -221,6 +221,16 @@ def fill_costs(rows: Real, table: Real, settings: tuple, capacity: int, result: 
     """Fill ``result`` (n,) with costs in volts; all arguments are those that `prepare` returns."""
     while not compiled.batch_costs(rows, table, settings, capacity, result):
         capacity *= 2
+
+
+def fill_marked_costs(
+    marked: NDArray[np.bool_], rows: Real, table: Real, settings: tuple, capacity: int, result: Real
+) -> None:
+    """`fill_costs` for the marked ones of n rows alone; the mask has shape (n,)."""
+    if marked.any():
+        found = np.empty(np.count_nonzero(marked))
+        fill_costs(rows[marked], table[marked] if len(table) > 1 else table, settings, capacity, found)
+        result[marked] = found
 
 
 def costs_and_gradients(

@@ -126,11 +126,7 @@ def fill_costs(rows: Real, table: Real, settings: tuple, capacity: int, result: 
         on_device = cuda.device_array(len(rows))
         fire(cuda.to_device(rows), cuda.to_device(table), (warm_up_periods, one_point, window_s, *cost), on_device)
         on_device.copy_to_host(result)
-    again = np.isnan(result)
-    if again.any():
-        some, found = table[again] if len(table) > 1 else table, np.empty(np.count_nonzero(again))
-        batch.fill_costs(rows[again], some, settings, capacity, found)
-        result[again] = found
+    batch.fill_marked_costs(np.isnan(result), rows, table, settings, capacity, result)
 
 
 def fire(waveforms: Any, heads: Any, settings: tuple, costs: Any) -> None:

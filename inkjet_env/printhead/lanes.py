@@ -76,7 +76,4 @@ def fill_costs(rows: Real, table: Real, settings: tuple, capacity: int, result: 
         order = sorted_rows[kinds[sorted_rows] == kind]
         if order.size:
             lane_costs(rows, table, order, kind == BEYOND, window, A, B, target_height_V, result, again)
-    if again.any():
-        some, found = table[again] if len(table) > 1 else table, np.empty(np.count_nonzero(again))
-        batch.fill_costs(rows[again], some, settings, capacity, found)
-        result[again] = found
+    batch.fill_marked_costs(again, rows, table, settings, capacity, result)

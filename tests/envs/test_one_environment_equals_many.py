@@ -116,6 +116,7 @@ def test_lanes_give_the_same_costs_but_for_their_last_digits(options, threads):
         np.testing.assert_allclose(others, rewards, rtol=0, atol=6e-10)
         np.testing.assert_allclose(told["cost"], infos["cost"], rtol=0, atol=3e-10)
         np.testing.assert_array_equal(told["waveform"], infos["waveform"])
+        assert (told["cost"] != infos["cost"]).any(), "lanes were not used"
 
 
 @pytest.mark.parametrize(

@@ -26,13 +26,17 @@ print("equal")
 ENVIRONMENT = """
 import gymnasium, numpy as np
 import inkjet_env
+from inkjet_env.printhead import cuda as on_device
 
+fired, fire = [], on_device.fire
+on_device.fire = lambda waveforms, *others: (fired.append(len(waveforms)), fire(waveforms, *others))
 scalar, cuda = (
     gymnasium.make_vec(inkjet_env.ENV_ID, num_envs=20, context="random", simulator=name) for name in ("scalar", "cuda")
 )
 assert np.array_equal(scalar.reset(seed=1)[0], cuda.reset(seed=1)[0])
 actions = np.random.default_rng(0).uniform(-1, 1, (20, 7)).astype(np.float32)
 _, rewards, *_, infos = cuda.step(actions)
+assert fired == [20]
 assert np.abs(rewards - scalar.step(actions)[1]).max() < 1e-9
 assert np.array_equal(rewards, -infos["cost"])
 print("equal")
